@@ -1,7 +1,9 @@
-"""Message packages that are not on PyPI. They are built or generated from their interfaces if ROS does not have them.
+"""Message packages that are not on PyPI.
 
-A build takes 20 s of processor time, once, and its messages can be sent. Generated Python classes take 1 s, and their
-messages cannot be sent.
+If ROS does not provide a package, this module builds it or generates its Python classes.
+
+A package is built once, which takes 20 s of processor time, and its messages can be sent. Generating the Python classes
+takes 1 s, but their messages cannot be sent.
 
 The module contains only the interfaces that our code uses, under the names of the real packages: geometry2, MoveIt 2,
 ros2_control and tactile_toolbox.
@@ -26,7 +28,7 @@ from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[1]
 MESSAGES, BUILT = ROOT / 'msg', ROOT / 'build' / 'messages'
-#: For each package, the packages that it needs, and its messages and actions.
+#: Maps each package to the packages that it needs, and to its messages and actions.
 INTERFACES: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     'tf2_msgs': (('geometry_msgs',), {'TFMessage': 'geometry_msgs/TransformStamped[] transforms'}),
     'tactile_msgs': (('std_msgs', 'sensor_msgs'), {
@@ -55,7 +57,8 @@ bool stalled
 bool reached_goal
 ---
 sensor_msgs/JointState state'''}),
-    # As in another version of this package: two fields are in another order, which the length does not show.
+    # This definition represents another version of our package: two fields are swapped, which the length of a message
+    # does not show.
     'tactile_skin': (('std_msgs', 'builtin_interfaces'), {
         'TaxelArray': (MESSAGES / 'TaxelArray.msg').read_text(encoding='utf-8').replace(
             'uint32 rows\nuint32 cols\n', 'uint32 cols\nuint32 rows\n')})}
@@ -85,13 +88,13 @@ ament_package()''',
 
 @contextmanager
 def built_messages(name: str, folder: Path) -> Iterator[None]:
-    """Make package ``name`` importable: the installed one, or one that is built once in ``folder`` (about 10 s)."""
+    """Make package ``name`` importable. A package that is not installed is built once in ``folder`` (about 10 s)."""
     if importlib.util.find_spec(name):
         yield
         return
     modules = built(name, folder)
     prefix = modules.parents[2]
-    for library in prefix.glob('lib/*.so'):  # load them, because rosidl opens them by name
+    for library in prefix.glob('lib/*.so'):  # rosidl opens the libraries by name, so they must be loaded first.
         ctypes.CDLL(str(library))
     with _importable(name, modules):
         yield
@@ -99,7 +102,10 @@ def built_messages(name: str, folder: Path) -> Iterator[None]:
 
 @contextmanager
 def generated_messages(name: str) -> Iterator[None]:
-    """Make package ``name`` importable: the installed one, or only its Python classes, which DDS cannot send."""
+    """Make package ``name`` importable.
+
+    For a package that is not installed, only the Python classes are generated, which DDS cannot send.
+    """
     if importlib.util.find_spec(name):
         yield
         return
@@ -108,7 +114,7 @@ def generated_messages(name: str) -> Iterator[None]:
         sources, modules = Path(folder, 'source'), Path(folder, 'modules')
         _write_source(name, sources)
         interfaces = [f'{sources}:{path.relative_to(sources)}' for path in sources.glob('*/*')]
-        with redirect_stdout(io.StringIO()):  # the generator prints each file name
+        with redirect_stdout(io.StringIO()):  # The generator prints the name of each file.
             GeneratePython('py').generate(name, interfaces, [f'{sys.prefix}/share'], modules / name)
         with _importable(name, modules):
             yield
@@ -126,19 +132,22 @@ def _importable(name: str, modules: Path) -> Iterator[None]:
 
 
 def environment_with(name: str) -> dict[str, str]:
-    """Return the environment for a process that imports package ``name``. The package must be importable here."""
+    """Return the environment for a process that imports package ``name``.
+
+    The package must be importable in this process.
+    """
     modules = Path(importlib.import_module(name).__file__).parents[1]
     paths = {'PYTHONPATH': modules, 'LD_LIBRARY_PATH': modules.parents[2] / 'lib'}
     return {**os.environ, **{key: f'{path}:{os.environ.get(key, "")}' for key, path in paths.items()}}
 
 
 def built(name: str, folder: Path) -> Path:
-    """Build package ``name`` once in ``folder``, even if it is installed; return its folder of Python modules."""
+    """Build package ``name`` once in ``folder``, even if it is installed, and return its folder of Python modules."""
     folder = folder / name / _fingerprint(name)
     folder.mkdir(parents=True, exist_ok=True)
     prefix, is_built = folder / 'install', folder / 'is_built'
     with (folder / 'lock').open('w') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # another run of pytest may build it, too
+        fcntl.flock(lock, fcntl.LOCK_EX)  # Another run of pytest may build the same package at the same time.
         if not is_built.exists():
             _build(name, folder)
             is_built.touch()
@@ -147,7 +156,7 @@ def built(name: str, folder: Path) -> Path:
 
 
 def _fingerprint(name: str) -> str:
-    """Return a fingerprint of the sources, of the environment and of its time of installation."""
+    """Return a fingerprint of the package's sources, the environment, and the installation time of the environment."""
     std_msgs = Path(importlib.util.find_spec('std_msgs').origin)
     facts = [source(name), sys.prefix, sys.version, std_msgs.stat().st_mtime_ns]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]

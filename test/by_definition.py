@@ -1,7 +1,7 @@
-"""Compute every quantity of the paper directly from its definition, slowly and simply.
+"""Slow and simple code that computes every quantity of the paper directly from its definition.
 
-The module shares no code with tactile_node. It uses nested loops over taxels, dense matrices and numpy's dense
-eigenvalues.
+The module shares no code with tactile_node. The functions use nested loops over taxels, dense matrices and numpy's
+dense eigenvalues.
 """
 
 import math
@@ -18,7 +18,7 @@ def taxels(mask):
 
 
 def entry(p, q, k):
-    """Return A(i,j) for the taxels p and q."""
+    """Return the matrix element A(i,j) of A_k for the taxels p and q."""
     step = (q[0] - p[0], q[1] - p[1])
     if step == (0, 0):
         return 4.0 if k == 5 else 20 / 6
@@ -28,7 +28,7 @@ def entry(p, q, k):
 
 
 def dense(points, k):
-    """Return A of the taxels ``points`` in the given order."""
+    """Return the matrix A_k for the taxels ``points`` in the given order."""
     return np.array([[entry(p, q, k) for q in points] for p in points]).reshape(len(points), len(points))
 
 
@@ -45,7 +45,7 @@ def inside(mask):
 
 
 def of_matrix(points, k):
-    """Return eigenvalue, information measures and centre of gravity of A_k of ``points``."""
+    """Return the eigenvalue, the information measures and the centre of gravity of A_k for ``points``."""
     n = len(points)
     a = dense(points, k)
     s = [sum(a[i]) for i in range(n)]
@@ -63,7 +63,7 @@ def of_matrix(points, k):
 
 
 def of_pattern(mask):
-    """Return all features of one pattern, by the names of `tactile features`."""
+    """Return all features of one pattern, named as in the output of `tactile features`."""
     points = taxels(mask)
     found = {'N': len(points), 'P05': len(border(points, 5)), 'P09': len(border(points, 9))}
     sets = {'': points, '_border5': border(points, 5), '_border9': border(points, 9)}
@@ -92,13 +92,13 @@ def _triangle(r, c, missing):
 
 
 def rotated(mask, degrees):
-    """Return the pattern rotated by one angle with its holes filled, as a mask with a margin of one taxel."""
+    """Return the pattern after a rotation by one angle with its holes filled, as a mask with a margin of one taxel."""
     real = taxels(mask)
     cx, cy = 5 * sum(c for _, c in real) / len(real), 5 * sum(r for r, _ in real) / len(real)
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     kept = set()
     for x, y in fine_points(mask):
-        # A value half-way between two fine points (to 1e-9) is rounded up.
+        # A value half-way between two fine points (within 1e-9) is rounded up.
         rotated_x = math.floor(cx + cos * (x - cx) - sin * (y - cy) + 0.5 + 1e-9)
         rotated_y = math.floor(cy + sin * (x - cx) + cos * (y - cy) + 0.5 + 1e-9)
         if rotated_x % 5 == 0 and rotated_y % 5 == 0:
@@ -107,7 +107,8 @@ def rotated(mask, degrees):
 
 
 def _filled(points):
-    for axes in ([(0, 1)], [(1, 0)], [(1, 1), (1, -1)]):  # rules 1 to 3: along y, along x, along both diagonals
+    # Rules 1 to 3 fill holes along y, along x, and along both diagonals.
+    for axes in ([(0, 1)], [(1, 0)], [(1, 1), (1, -1)]):
         points = points | {(x + dx, y + dy) for dx, dy in axes for x, y in points
                            if (x + 2 * dx, y + 2 * dy) in points}
     return points
@@ -124,7 +125,7 @@ def _as_mask(points):
 
 
 def over_rotations(mask):
-    """Return (min, max, dif) of every feature over those of the 46 angles at which it is defined."""
+    """Return (min, max, dif) of every feature over those of the 46 angles at which the feature is defined."""
     each = [of_pattern(rotated(mask, degrees)) for degrees in ANGLES]
     result = {}
     for name in each[0]:

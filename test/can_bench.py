@@ -1,4 +1,4 @@
-"""Helpers that the CAN tests share: a pad that is small enough to compute by hand, a driver and a skin on one bus."""
+"""Helpers that the CAN tests share: a pad small enough to compute by hand, and a driver and a skin on one bus."""
 
 import os
 import pty
@@ -25,26 +25,29 @@ from tactile_node.skin.pads import make_pad, make_pads, with_dictionaries
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
-#: `make socketcan` runs the same tests on a real Linux CAN stack, on which all tests share one channel.
+#: `make socketcan` runs these tests on a real Linux CAN stack, on which all tests share one channel.
 INTERFACE = os.environ.get('TACTILE_TEST_INTERFACE', 'virtual')
 
 
 def channel_of(name: str) -> str:
-    """Return the channel that a test uses as its own bus."""
+    """Return the name of the bus that only this test uses."""
     return name if INTERFACE == 'virtual' else 'vcan0'
 
 
 class TooSlowError(AssertionError):
-    """The machine was too slow for real time, so the test proves nothing. conftest.py skips such a test."""
+    """Raised if the machine was too slow for real time. conftest.py then skips the test, which proves nothing."""
 
 
 def is_overloaded() -> bool:
-    """Return True if more processes than processors have waited in the last minute."""
+    """Return True if the mean load of the last minute exceeds 1.5 processes per processor."""
     return os.getloadavg()[0] > 1.5 * (os.cpu_count() or 1)
 
 
 class Served:
-    """Context with a hand-written device. Its ``_serve`` runs on a thread until ``_ends`` is set."""
+    """Context manager for a hand-written device.
+
+    The method ``_serve`` of the device runs on a thread until ``_ends`` is set.
+    """
 
     def __init__(self, channel: str):
         self._bus = can.Bus(channel, interface=INTERFACE)
@@ -65,7 +68,7 @@ class Served:
 
 
 class Master:
-    """A bare CAN bus with simulated skins, for a hand-written master."""
+    """A CAN bus with simulated skins, controlled by a hand-written master."""
 
     def __init__(self, name: str):
         self.bus = other_bus(name)
@@ -74,7 +77,7 @@ class Master:
         self.bus.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
 
     def sdo(self, request: str) -> str:
-        """Return the answer of node 32 to an SDO request, as hex."""
+        """Return the response of node 32 to an SDO request, as hexadecimal digits."""
         self.send(0x620, request)
         while (answer := self.bus.recv(60)).arbitration_id != 0x5A0:
             pass
@@ -82,7 +85,7 @@ class Master:
 
 
 class SkinMaster(Master):
-    """Context with a master and one simulated pad, node 32."""
+    """Context manager for a master and one simulated pad with node-ID 32."""
 
     def __init__(self, name: str, layout: str, source: Callable[[float], np.ndarray]):
         super().__init__(name)
@@ -98,11 +101,11 @@ class SkinMaster(Master):
 
 
 def other_bus(name: str) -> can.BusABC:
-    """Return another participant on the bus ``name``."""
+    """Return a further participant on the bus ``name``."""
     return can.Bus(channel_of(name), interface=INTERFACE)
 
 
-#: Layout with 3 x 2 taxels and one row in each TPDO; value = 2 (counts - 10) Pa.
+#: Layout with 3 x 2 taxels and one row in each TPDO. The value of a taxel is 2 (counts - 10) Pa.
 TINY = '''
 rows: 3
 cols: 2
@@ -129,14 +132,14 @@ def wait_until(condition: Callable[[], bool], timeout: float = 60.0) -> bool:
 
 
 class Loss(NamedTuple):
-    """A number of CAN frames of a pad that were lost for one reason."""
+    """The number of CAN frames that a pad lost for one reason."""
 
     reason: LossReason
     can_frames: int = 1
 
 
 def telling(assembler: PadAssembler, drop_incomplete: bool = False) -> PadAssembler:
-    """Return the assembler with calls that return the lost CAN frames after the taxel frames."""
+    """Return the assembler with calls that also return the lost CAN frames, after the taxel frames."""
     def with_losses(call: Callable[..., Frames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
         before, frames = assembler.statistics().losses, taxel_frames(call(*given))
         after = assembler.statistics().losses
@@ -155,7 +158,7 @@ def only(outcome: Sequence[TaxelFrame | Loss]) -> TaxelFrame | Loss | None:
 
 
 def is_balanced(assembler) -> bool:
-    """Return True if each CAN frame that the assembler has received is used, pending or lost."""
+    """Return True if every CAN frame that the assembler has received is either used, pending or lost."""
     counts = assembler.statistics()
     return (counts.received == counts.used + counts.pending + sum(counts.losses.values())
             and counts.used == sum(counts.used_by_node))
@@ -167,7 +170,7 @@ def taxel_frames(results: Sequence[TaxelFrame | Loss]) -> list[TaxelFrame]:
 
 @contextmanager
 def serial_line() -> Iterator[tuple[int, str]]:
-    """Yield the descriptor of the adapter's end of a pseudo-terminal, and the port that a client opens."""
+    """Yield the file descriptor of the adapter's end of a pseudo-terminal, and the name of the port for the client."""
     adapter, client = pty.openpty()
     tty.setraw(client)
     try:
@@ -178,7 +181,10 @@ def serial_line() -> Iterator[tuple[int, str]]:
 
 
 class Bench:
-    """Context with a simulated skin and a driver on their own virtual bus. ``wire`` is that of SkinSimulator."""
+    """Context manager for a simulated skin and a driver on a virtual bus that no other test uses.
+
+    ``wire`` is passed on to SkinSimulator.
+    """
 
     def __init__(self, channel: str, layout: str = 'sim16x16.yaml', nodes: tuple[int, ...] = (32,),
                  source=None, wire: WireSettings | None = None, eds: str = '', **settings: Any):
@@ -205,7 +211,7 @@ class Bench:
         self.log.__exit__()
 
     def supervise(self) -> None:
-        """Use a Supervisor instead of the bare SkinBus."""
+        """Use a Supervisor as the driver instead of a SkinBus."""
         self.driver = Supervisor(self.settings, self.pads, lambda *given: self.frames.put(given))
 
     def run(self) -> None:
@@ -233,6 +239,6 @@ class Bench:
         return frame
 
     def forget(self) -> None:
-        """Drop the frames that were not taken yet. The driver has to be stopped."""
+        """Discard the frames in the queue. The driver must be stopped before its frames are discarded."""
         while not self.frames.empty():
             self.frames.get()

@@ -1,4 +1,4 @@
-"""Read candump text with separate code, so that tests do not rely on the reader under test."""
+"""Parser for candump text that shares no code with the package, so that tests do not rely on the reader under test."""
 
 import gzip
 from pathlib import Path
@@ -14,7 +14,7 @@ class Line(NamedTuple):
 
 
 def read_candump(name: str) -> list[Line]:
-    """Return the lines of a log: '(1.500000) can0 080#0102 R' -> Line(1.5, 0x80, b'\\x01\\x02')."""
+    """Return the lines of a log, for example '(1.5) can0 080#0102 R' as Line(1.5, 0x80, b'\\x01\\x02')."""
     lines = gzip.open(DATA / name, 'rt', encoding='ascii').read().splitlines()
     return [_line(*line.split()[::2][:2]) for line in lines]
 

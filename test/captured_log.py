@@ -1,20 +1,20 @@
-"""Keep the log records of the package, for tests that run longer than one caplog phase or outside pytest."""
+"""Collects the package's log records, for tests that run longer than one caplog phase or outside pytest."""
 
 import logging
 from collections import deque
 from typing import NamedTuple
 
-KEPT = 10_000  #: Number of records that are kept, because a fuzzing run takes hours.
+KEPT = 10_000  #: Largest number of log records in memory, because a fuzzing run takes hours.
 
 
 class Logged(NamedTuple):
     level: int
     message: str
-    fact: object  #: the fault, error, EMCY or command that the record reports; None for other records
+    fact: object  #: the fault, error, EMCY or command that the log record reports, or None
 
 
 class CapturedLog(logging.Handler):
-    """Context that keeps the records of the loggers of ``tactile_node`` from level INFO."""
+    """Context manager that collects the log records of ``tactile_node`` from level INFO on."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
@@ -37,25 +37,25 @@ class CapturedLog(logging.Handler):
 
     @property
     def records(self) -> list[Logged]:
-        """All records, oldest first."""
+        """All log records, oldest first."""
         return list(self._records.copy())
 
     @property
     def messages(self) -> list[str]:
-        """Texts of all records, oldest first."""
+        """Texts of all log records, oldest first."""
         return [record.message for record in self._records.copy()]
 
     @property
     def facts(self) -> list[object]:
-        """Facts of all records, oldest first."""
+        """Facts of all log records, oldest first."""
         return [record.fact for record in self._records.copy() if record.fact is not None]
 
     @property
     def error_facts(self) -> list[object]:
-        """Facts of the warnings and errors, oldest first."""
+        """Facts of all warnings and errors, oldest first."""
         return [record.fact for record in self.records if record.level >= logging.WARNING and record.fact is not None]
 
     @property
     def errors(self) -> list[str]:
-        """Texts of the warnings and errors, oldest first."""
+        """Texts of all warnings and errors, oldest first."""
         return [record.message for record in self._records.copy() if record.level >= logging.WARNING]

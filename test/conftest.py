@@ -1,4 +1,4 @@
-"""Set-up of all tests: ROS stays on this machine, and each run of pytest has its own domain."""
+"""Set-up of all tests: ROS traffic stays on this machine, and each run of pytest uses its own ROS domain."""
 
 import fcntl
 import gc
@@ -13,12 +13,12 @@ from typing import TextIO
 
 import pytest
 
-#: Linux uses the ports of domains up to 101 for nothing else. test_tutorial.py needs domain 101.
+#: Up to domain 101, Linux assigns the ports of a domain to no other program. test_tutorial.py uses domain 101.
 DOMAINS = range(1, 101)
 
 
 def lock_domain() -> tuple[int, TextIO]:
-    """Return a ROS domain that no other run of these tests uses, and the file whose lock reserves it."""
+    """Return a ROS domain that no other run of these tests uses, and the open file whose lock reserves the domain."""
     for domain in DOMAINS:
         lock = Path(tempfile.gettempdir(), f'tactile_skin_ros_domain_{domain}').open('w')
         try:
@@ -36,7 +36,7 @@ os.environ['ROS_DOMAIN_ID'] = str(DOMAIN)
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_call(item):
-    """Skip a test in real time if the machine is too slow (TooSlowError of can_bench.py)."""
+    """Skip a real-time test if it raises TooSlowError (see can_bench.py)."""
     outcome = yield
     error = outcome.excinfo[1] if outcome.excinfo else None
     if type(error).__name__ == 'TooSlowError':
@@ -47,8 +47,8 @@ def pytest_runtest_call(item):
 def pytest_runtest_teardown(item):
     """Destroy the ROS nodes that a test leaves in reference cycles.
 
-    The garbage collector would destroy several nodes at once during another test. Fast DDS then hung forever in
-    `DomainParticipant::set_listener`. This happened once in a run, after test_hand_over.py had left four participants.
+    The garbage collector would otherwise destroy several nodes at once during another test. In one run, Fast DDS then
+    hung for ever in `DomainParticipant::set_listener`. Before that hang, test_hand_over.py had left four participants.
     """
     yield
     if item.get_closest_marker('ros'):
@@ -60,7 +60,7 @@ def processor_time() -> float:
     return sum(os.times()[:4])
 
 
-#: A mark in the text of a module, and the statement that gives marks to all tests of a module.
+#: MARK finds a mark in the text of a module. MODULE_MARKS finds the statement that marks all tests of a module.
 MARK = re.compile(r'pytest\.mark\.(ros|bus|slow)')
 MODULE_MARKS = re.compile(r'^pytestmark = (\[.*?\]|.*?)$', re.MULTILINE | re.DOTALL)
 
@@ -71,9 +71,9 @@ def pytest_addoption(parser):
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Ignore the files of other parts, and files without a test of this run.
+    """Ignore the files of other parts of the test suite, and files without a test for this run.
 
-    The import of all files would take 15 s in each lane.
+    Importing all files would take 15 s in each part of the test suite.
     """
     if collection_path.suffix != '.py' or collection_path.parent != Path(__file__).parent:
         return None
@@ -84,7 +84,7 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def may_have_tests(path, markexpr):
-    """Return True if, by its text alone, the file may have a test with the marks of ``markexpr``."""
+    """Return True if the text of the file does not rule out tests with the marks of ``markexpr``."""
     if not markexpr:
         return True
     text = path.read_text()
@@ -96,9 +96,9 @@ def may_have_tests(path, markexpr):
                for ros, bus, slow in itertools.product(*choices))
 
 
-#: Names of the files that may have a test with the marks of this run.
+#: Names of the files that may contain a test with the marks of this run.
 FILES = pytest.StashKey[list]()
-#: For each test file, the processor time to collect it and to run its tests [s].
+#: Processor time per test file, for collecting the file and running its tests [s].
 PROCESSOR_TIME = pytest.StashKey[Counter]()
 
 
@@ -107,7 +107,7 @@ def pytest_configure(config):
 
 
 def pytest_collection_finish():
-    """Exclude the imported objects from later garbage collections, which would otherwise take 0.15 s each."""
+    """Exclude all imported objects from later garbage collections, which would otherwise take 0.15 s each."""
     gc.freeze()
 
 
@@ -119,7 +119,10 @@ def pytest_runtest_protocol(item):
 
 
 def pytest_terminal_summary(terminalreporter, config):
-    """Print the processor time of the run, and with ``-v`` of each file, the most expensive first."""
+    """Print the processor time of the run.
+
+    With ``-v``, also print the processor time of each file, the largest first.
+    """
     used = config.stash[PROCESSOR_TIME]
     total = processor_time()
     terminalreporter.write_line(f'processor time {total:.0f} s, of which {total - used.total():.0f} s outside tests')
@@ -128,14 +131,14 @@ def pytest_terminal_summary(terminalreporter, config):
             terminalreporter.write_line(f'{seconds:8.1f} s  {name}')
 
 
-#: Modules that a test file may import although they are missing, with the reason.
+#: Modules that may be missing when a test file imports them, each with the reason.
 OF_ROS = {'rclpy': 'ROS 2 is not installed', 'tactile_skin': 'the messages are not built: run `make setup`',
           **{name: f'{name} is not installed' for name in ('py_trees', 'rosidl_adapter', 'xacro')}}
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_make_collect_report(collector):
-    """Skip test files of ROS nodes, with the reason, if ROS 2 or our messages are missing."""
+    """Skip the test files of ROS nodes if ROS 2 or our messages are missing, and state the reason."""
     outcome = yield
     report = outcome.get_result()
     missing = getattr(report.call.excinfo and report.call.excinfo.value.__cause__, 'name', None) or ''
@@ -147,7 +150,7 @@ def pytest_make_collect_report(collector):
 
 @pytest.fixture
 def ros():
-    """Run ROS. Everything that a test adds to the stack ends before ROS."""
+    """Run ROS. Objects on the stack are closed before ROS is shut down."""
     import rclpy
     rclpy.init()
     with ExitStack() as stack:
@@ -157,7 +160,7 @@ def ros():
 
 @pytest.fixture(scope='session')
 def tf_message():
-    """The message of /tf."""
+    """The message type of the topic /tf."""
     from built_messages import BUILT, built_messages
     with built_messages('tf2_msgs', BUILT):
         from tf2_msgs.msg import TFMessage
@@ -166,7 +169,7 @@ def tf_message():
 
 @pytest.fixture(scope='session')
 def control_msgs():
-    """The actions of grippers."""
+    """The action types of grippers."""
     from built_messages import BUILT, built_messages
     with built_messages('control_msgs', BUILT):
         yield
@@ -174,7 +177,7 @@ def control_msgs():
 
 @pytest.fixture(scope='session')
 def collision_object_message():
-    """The message that MoveIt's planning scene accepts."""
+    """The message type that MoveIt's planning scene accepts."""
     from built_messages import generated_messages
     with generated_messages('moveit_msgs'):
         from moveit_msgs.msg import CollisionObject
@@ -183,7 +186,7 @@ def collision_object_message():
 
 @pytest.fixture(scope='session')
 def tactile_state_message():
-    """The message that tactile_toolbox accepts."""
+    """The message type that tactile_toolbox accepts."""
     from built_messages import generated_messages
     with generated_messages('tactile_msgs'):
         from tactile_msgs.msg import TactileState

@@ -1,4 +1,4 @@
-"""Make the diagnostic message for one state of a bus, as the driver makes it."""
+"""Build the diagnostic message for one state of a bus in the same way as the driver."""
 
 from types import MappingProxyType
 

@@ -1,4 +1,7 @@
-"""The driver node on the bus of a FaultBench, and a listener to its topics. The test spins both while it waits."""
+"""The driver node on the bus of a FaultBench, and a node that subscribes to its topics.
+
+The test spins both nodes while it waits.
+"""
 
 import gc
 from concurrent.futures import Future
@@ -18,7 +21,10 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 class DriverBench(RosBench):
-    """The driver of one pad of ``bench``, with all its messages. ``given`` are parameters of the driver."""
+    """The driver for one pad of ``bench``, with all messages that it publishes.
+
+    ``given`` contains parameters of the driver.
+    """
 
     def __init__(self, stack: ExitStack, bench: FaultBench, **given: Any):
         super().__init__(stack)
@@ -34,12 +40,15 @@ class DriverBench(RosBench):
         self.status = self.listen(SkinStatus, '/skin_driver/status', STATUS_QOS)
 
     def _forget(self) -> None:
-        """Drop the node now. If rclpy collects it later, it takes /rosout away from a new node of the same name."""
+        """Drop the last reference to the node at once.
+
+        If rclpy collected the node later, a new node of the same name would lose its /rosout publisher.
+        """
         del self.node
         gc.collect()
 
     def listen(self, kind: type, topic: str, qos: Any = 10) -> list:
-        """Return the list to which messages are added when they arrive."""
+        """Return the list that collects the messages on ``topic``."""
         heard: list = []
         self.listener.create_subscription(kind, topic, heard.append, qos)
         return heard
@@ -55,7 +64,7 @@ class DriverBench(RosBench):
         return call.result()
 
     def start(self) -> None:
-        """Start the driver, and wait until bus and node work without a fault."""
+        """Start the driver, and wait until both the bus and the node are reported without a fault."""
         self.node.autostart()
         self.until(lambda: (OK, OK) in self.levels, 'never OK')
 
@@ -64,7 +73,7 @@ class DriverBench(RosBench):
 
     @property
     def levels(self) -> list[tuple[bytes, ...]]:
-        """Levels in each message on /diagnostics. The level of the bus is the first."""
+        """Levels in each message on /diagnostics. The first level in each message is that of the bus."""
         return [tuple(status.level for status in message.status) for message in self.diagnostics]
 
     @property

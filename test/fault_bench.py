@@ -1,4 +1,7 @@
-"""A bench that injects the faults of the catalogue: a supervised driver, a skin, and another participant on the bus."""
+"""A bench that injects the faults of the catalogue.
+
+The bench has a supervised driver, a skin, and another participant on the bus.
+"""
 
 import itertools
 import logging
@@ -26,21 +29,25 @@ from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
-#: The simulated skin is behind a wire of 1 Mbit/s. With TACTILE_TEST_WIRE=off, its CAN frames take no time.
+#: The CAN frames of the simulated skin cross a simulated wire of 1 Mbit/s. With TACTILE_TEST_WIRE=off, CAN frames take
+#: no time.
 WIRE = WireSettings() if os.environ.get('TACTILE_TEST_WIRE') != 'off' else None
-TIMEOUT = 60.0  # longest wait, long enough for a busy machine [s]
+TIMEOUT = 60.0  # time limit on a busy machine [s]
 SYNC = 0x80
 PERIOD = 0.02  # SYNC period [s]
-HELD_UP = 0.25  # half of the default heartbeat_timeout of the driver [s]
-PUNCTUAL = PERIOD / 2  # the driver assumes that a device answers a SYNC within this time [s]
+HELD_UP = 0.25  # half of the driver's default heartbeat_timeout [s]
+PUNCTUAL = PERIOD / 2  # time within which the driver expects a device's TPDOs after a SYNC [s]
 
 
 class Coded:
-    """Taxels whose values encode their place and the SYNC that they answer: 1 N + 0.2 N per taxel + 1 mN per SYNC."""
+    """Taxels whose values encode their position and the SYNC that they answer.
+
+    The value is 1 N + 0.2 N per taxel + 1 mN per SYNC.
+    """
 
     TAXEL = 0.2
     SYNC = 0.001
-    MOST = 10_000  #: number of SYNCs that fit into the range of a taxel
+    MOST = 10_000  #: number of SYNCs that a taxel's range can encode
     place = 1 + TAXEL * np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
 
     def __init__(self):
@@ -61,9 +68,11 @@ class Coded:
 
 
 class Answers:
-    """The times at which the simulated devices of ``pads`` answered each SYNC. Their taxels are ``coded``.
+    """The times at which the simulated devices of ``pads`` answered each SYNC.
 
-    ``at`` contains for each number of a SYNC the time at which the skin delivered the last TPDO of its answer [s, Unix
+    The taxels of these devices are ``coded``.
+
+    ``at`` maps the number of a SYNC to the time at which the skin delivered its last TPDO for this SYNC [s, Unix
     epoch].
     """
 
@@ -89,29 +98,29 @@ class Answers:
         for frame in frames:
             if (taxel := self._first_taxels.get(frame.can_id)) is not None:
                 counts = int.from_bytes(frame.data[:2], 'little', signed=True)
-                value = (self._value.offset - counts) * self._value.scale  # the counts fall with pressure
+                value = (self._value.offset - counts) * self._value.scale  # the counts fall as the pressure rises
                 self.at[round((value - self._coded.place[taxel]) / self._coded.SYNC)] = now
 
 
 def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[float],
                  answered: dict[int, float]) -> None:
-    """Check that the taxels of each frame of one pad answer the SYNC that the stamp of the frame belongs to.
+    """Check for each frame of one pad that its taxels answer the SYNC to which the frame's stamp belongs.
 
-    The driver cannot detect that a device answers a SYNC only after the next SYNC (see ``assembler``). If the machine
-    was so busy that the simulated device did this, the function raises TooSlowError. Otherwise a wrong stamp raises
+    The driver cannot detect that a device answers a SYNC only after the next SYNC (see ``assembler``). If a busy
+    machine delayed the simulated device for that long, the function raises TooSlowError. Any other wrong stamp raises
     AssertionError.
 
     Parameters
     ----------
     frames
-        All published frames in their order.
+        All published frames of the pad, in order.
     coded
-        The code of their taxels.
+        Code of the pad's taxels.
     asked
-        Time at which each SYNC was on the bus [s, Unix epoch]. It lies between the stamp of the SYNC and the stamp of
-        the next SYNC.
+        Time at which each SYNC was on the bus [s, Unix epoch]. This time lies between the stamp of the SYNC and the
+        stamp of the next SYNC.
     answered
-        For each number of a SYNC, the time at which the skin delivered its answer [s, Unix epoch].
+        Maps the number of a SYNC to the time at which the skin delivered its TPDOs [s, Unix epoch].
     """
     for frame, after in itertools.zip_longest(frames, frames[1:]):
         number = coded.sync_of(frame)
@@ -125,24 +134,24 @@ def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[flo
 
 
 class FaultBench(Bench):
-    """Context with a driver and pads, which keeps every published frame and checks all of them at its end.
+    """Context manager for a driver and pads. The bench records every published frame, and checks all frames at its end.
 
-    By default, the pads have 8x8 Coded taxels; ``layout`` and ``source`` change this. ``cause`` and ``end_of_cause``
-    mark the time of the fault. ``detected`` is measured from the first mark, and ``publishing_again`` from the second
-    [s].
+    By default, the pads have 8x8 Coded taxels, which ``layout`` and ``source`` change. ``cause`` and ``end_of_cause``
+    mark the beginning and the end of the fault. ``detected`` is the time since the first mark, and ``publishing_again``
+    the time since the second mark [s].
     """
 
     def __init__(self, channel: str, nodes: tuple[int, ...] = (32,), recover: bool = True, source=None,
                  layout: str = LAYOUT, **settings: Any):
         self.coded = Coded() if source is None else None
-        self.is_clock_true = True  #: False if the stamps differ from the times of the SYNCs
-        self.wrong_durations: list[str] = []  #: for `make faults`, because a busy machine may be the cause
+        self.is_clock_true = True  #: False if the stamps differ from the true times of the SYNCs
+        self.wrong_durations: list[str] = []  #: reported by `make faults` only, because a busy machine may be the cause
         self.source = source or self.coded
         super().__init__(channel, layout, nodes, source=self.source, wire=WIRE)
         self.adapter = Adapter()
         self.kept: list[tuple[str, TaxelFrame]] = []
         self.hold = threading.Event()
-        self.hold.set()  #: the consumer hangs while this event is cleared
+        self.hold.set()  #: the consumer blocks while this event is cleared
         self.settings = BusSettings('virtual', channel, **{'sync_period': PERIOD} | settings)
         self.driver = Supervisor(self.settings, self.pads, self.keep, recover)
         self.detected = self.publishing_again = None
@@ -181,7 +190,7 @@ class FaultBench(Bench):
         self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
 
     def send_error(self, can_id: int, data: Iterable[int]) -> None:
-        """Send an error frame as a controller would."""
+        """Send an error frame in the form that a controller reports."""
         self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=True, data=bytes(data)))
 
     def repeat(self, can_id: int, period: float, data: bytes = b'') -> can.broadcastmanager.CyclicSendTaskABC:
@@ -189,7 +198,7 @@ class FaultBench(Bench):
         return self.other.send_periodic(can.Message(arbitration_id=can_id, is_extended_id=False, data=data), period)
 
     def heard(self) -> list[can.Message]:
-        """Return the messages that the other participant has received since the last call."""
+        """Return the messages that the other participant on the bus has received since the last call."""
         return list(iter(lambda: self.other.recv(0), None))
 
     def node(self, pad: str = 'pad32'):
@@ -204,7 +213,7 @@ class FaultBench(Bench):
 
     @property
     def last_emergency(self) -> Emergency | None:
-        """The newest EMCY of node 32."""
+        """The latest EMCY of node 32."""
         return self.driver.monitor.emergencies[32].last
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
@@ -221,7 +230,7 @@ class FaultBench(Bench):
         self.end_of_cause().recover(*pads)
 
     def recover(self, *pads: str) -> None:
-        """Wait until whole frames are published that were acquired after the end of the cause."""
+        """Wait until the driver publishes whole frames that were acquired after the end of the cause."""
         for pad in pads or ('pad32',):
             self.wait_for_whole(pad, time.time() - (time.monotonic() - self._ended))
         self.publishing_again = time.monotonic() - self._ended
@@ -235,7 +244,10 @@ class FaultBench(Bench):
         self.wait(has_come, f'no whole frames of {pad}')
 
     def assert_no_outage(self, *pads: str) -> None:
-        """Assert that no pad had an outage. Raises TooSlowError if the machine held up driver or simulated device."""
+        """Assert that no pad had an outage.
+
+        Raises TooSlowError if the machine delayed the driver or the simulated device.
+        """
         nodes = [self.node(pad) for pad in pads or ('pad32',)]
         if any(node.outages.count for node in nodes):
             self.wait(lambda: all(self.node(pad).outages.current is None for pad in pads or ('pad32',)),
@@ -250,7 +262,7 @@ class FaultBench(Bench):
 
     @property
     def complaints(self) -> list[str]:
-        """Warnings and errors, without those about an overload of this process."""
+        """All warnings and errors except those about an overload of this process."""
         return [record.message for record in self.log.records
                 if record.level >= logging.WARNING and not isinstance(record.fact, Overload)]
 
@@ -259,7 +271,7 @@ class FaultBench(Bench):
         self.kept.append((name, frame))
 
     def _check_all(self) -> None:
-        """Assert that no wrong value was published as valid, and that no sequence number or stamp was repeated."""
+        """Assert that no wrong value was published as valid, and that no sequence number or stamp occurred twice."""
         for pad in self.pads:
             frames = [frame for name, frame in self.kept if name == pad.name]
             assert all((np.diff([getattr(frame, key) for frame in frames]) > 0).all() for key in ('sequence', 'stamp'))

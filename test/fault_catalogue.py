@@ -1,7 +1,10 @@
-"""The faults that a driver meets on a factory floor. Each function injects one fault; its docstring is the user's view.
+"""The faults that a driver meets on a factory floor.
 
-`python test/fault_catalogue.py [NAME ...]` injects the faults and prints a table with the measured times. At its end,
-every FaultBench also checks that all valid taxels were right, and that no sequence number or stamp was repeated.
+Each function injects one fault, and its docstring states what the user sees.
+
+`python test/fault_catalogue.py [NAME ...]` injects the faults and prints a table with the measured times. Every
+FaultBench also checks at its end that all valid taxels were correct, and that no sequence number or stamp occurred
+twice.
 """
 
 import ctypes
@@ -36,15 +39,18 @@ from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
-ALLOWED = 1.0  # longest time from the end of the cause until taxels are published again [s]
-KEEPS_UP = 0.02  # largest delay of a sleeping process on a machine that keeps up [s]
+ALLOWED = 1.0  # time limit from the end of the cause until taxels are published again [s]
+KEEPS_UP = 0.02  # largest wake-up delay of a sleeping process while the machine keeps up [s]
 ALL_TPDOS = range(1, 17)  # TPDO numbers of the pad of 8x8 taxels
 COB_IDS = [0x1A0 + 0x100 * (i // 4) + i % 4 for i in range(16)]
 FAULTS: list[Callable[[str], FaultBench | StallBench]] = []
 
 
 def fault(*nodes: tuple[int, ...], is_running: bool = True, **settings: Any) -> Callable:
-    """Add a fault to the catalogue. The decorated function injects it into a bench, usually with a running driver."""
+    """Add a fault to the catalogue.
+
+    The decorated function injects the fault into a bench, by default with a running driver.
+    """
     def listed(inject: Callable[[FaultBench], None]) -> Callable[[str], FaultBench]:
         @functools.wraps(inject)
         def injected(channel: str) -> FaultBench:
@@ -59,13 +65,13 @@ def fault(*nodes: tuple[int, ...], is_running: bool = True, **settings: Any) -> 
 
 
 def uniform(seed: int, low: float, high: float, rows: int, cols: int) -> Callable[[float], np.ndarray]:
-    """Return a source of random taxel values that do not change."""
+    """Return a source of random taxel values that do not change with time."""
     values = np.random.default_rng(seed).uniform(low, high, (rows, cols))
     return lambda _time: values
 
 
 def _switch_off(bench: FaultBench, device: SimulatedDevice, missing: int, *faults: object, **kind: Any) -> TaxelFrame:
-    """Switch ``device`` off, wait until a fault is logged, and return the next frame without ``missing`` TPDOs."""
+    """Switch ``device`` off, wait for a logged fault, and return the next frame that lacks ``missing`` TPDOs."""
     device.power_off()
     bench.detect(*faults, **kind)
     reported = len(bench.kept)
@@ -96,14 +102,14 @@ def power_cycled_in_mid_stream(bench: FaultBench) -> None:
 
 @fault()
 def absent_then_back(bench: FaultBench) -> None:
-    """The driver reports the device as silent and publishes NaN. It uses the device again as soon as it boots."""
+    """The driver reports the device as silent and publishes NaN. The driver uses the device again after its boot."""
     _switch_off(bench, bench.device, 16, NodeFault.SILENT)
     _switch_on(bench, bench.device)
 
 
 @fault(is_running=False)
 def absent_at_configure_then_late(bench: FaultBench) -> None:
-    """The transition configure logs the device that it waits for, and continues when this device answers."""
+    """During configure, the driver logs the absent device, and continues when this device answers."""
     bench.device.power_off()
     starter = threading.Thread(target=bench.run)
     bench.cause()
@@ -116,7 +122,7 @@ def absent_at_configure_then_late(bench: FaultBench) -> None:
 
 @fault((32, 64))
 def one_of_two_pads_lost(bench: FaultBench) -> None:
-    """The driver reports only this pad as silent. The other pad continues without losing a frame."""
+    """The driver reports only the lost pad as silent. The other pad continues without losing a frame."""
     bench.wait_for_whole('pad64')
     bench.cause()
     bench.device.power_off()
@@ -131,12 +137,13 @@ def one_of_two_pads_lost(bench: FaultBench) -> None:
 
 @fault()
 def boot_up_message_lost(bench: FaultBench) -> None:
-    """The boot-up message is lost, and the device sends nothing. The driver finds it by a request and configures it."""
+    """The boot-up message is lost. The driver finds the silent device by a request and configures it."""
     bench.adapter.lost_ids = {0x720}
     bench.power_cycle()
     bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
     bench.adapter.lost_ids = set()
-    bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT, NodeFault.SILENT)  # SILENT if taxels are missing as well
+    # The fault is SILENT if taxels are missing as well.
+    bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT, NodeFault.SILENT)
     bench.recover()
 
 
@@ -148,7 +155,7 @@ def another_device_comes_back(bench: FaultBench) -> None:
     bench.device.boot()
     bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and '0x1018' in fact.where and '0x99' in fact.got)
     used, seen = bench.driver.statistics().pads['pad32'].used, len(bench.kept)
-    bench.send(0x620, '23001801A0010000')  # another master makes it send TPDO 1
+    bench.send(0x620, '23001801A0010000')  # another master enables the device's TPDO 1
     bench.wait(lambda: bench.send(0x000, '0120') or bench.driver.statistics().pads['pad32'].used > used,
                'it does not send')
     bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
@@ -168,13 +175,13 @@ def _command(bench: FaultBench, command: ForeignCommand) -> None:
 
 @fault()
 def reset_by_another_master(bench: FaultBench) -> None:
-    """The driver reports the command of the other master, then configures and starts the device again."""
+    """The driver reports the other master's command, then configures and starts the device again."""
     _command(bench, ForeignCommand(0x81, 32))
 
 
 @fault()
 def all_reset_by_another_master(bench: FaultBench) -> None:
-    """The driver reports a reset of all nodes, and recovers from it as from a reset of a single node."""
+    """The driver reports the reset of all nodes, and recovers as from a reset of a single node."""
     _command(bench, ForeignCommand(0x82, 0))
 
 
@@ -186,7 +193,7 @@ def stopped_by_another_master(bench: FaultBench) -> None:
 
 
 def _lists_errors(message: can.Message) -> list[can.Message]:
-    """Return the message, or the answer of an overheated device: register 0x09, error 0x4210, maker code 0x0005."""
+    """Return the message, or the SDO response of an overheated device (register 0x09, error 0x4210, maker 0x0005)."""
     answers = {'011000': '4F01100009000000', '031000': '4F03100001000000', '031001': '4303100110420500'}
     answer = answers.get(bytes(message.data[1:4]).hex()) if message.arbitration_id == 0x5A0 else None
     return [message if answer is None else _with_data(message, bytes.fromhex(answer))]
@@ -212,7 +219,7 @@ def refuses_operational(bench: FaultBench) -> None:
 
 @fault()
 def adapter_unplugged(bench: FaultBench) -> None:
-    """The driver reports the failed bus with the reason, reopens it until it works, and counts the outage."""
+    """The driver reports the failed bus and the reason, reopens the bus until it works, and counts the outage."""
     bench.adapter.is_plugged = False
     bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
     bench.wait(lambda: any(isinstance(fact, BusError) and fact.got == 'no such device' for fact in bench.log.facts),
@@ -225,7 +232,7 @@ def adapter_unplugged(bench: FaultBench) -> None:
 
 @fault()
 def sending_fails(bench: FaultBench) -> None:
-    """If the driver cannot send on the bus, it reopens the bus until sending works."""
+    """If the driver cannot send on the bus, it reopens the bus until sending works again."""
     bench.adapter.can_send = False
     bench.detect(BusFault.SENDING_FAILED)
     assert 'Transmit buffer full' in bench.driver.failure.detail
@@ -235,7 +242,7 @@ def sending_fails(bench: FaultBench) -> None:
 
 @fault()
 def bus_off(bench: FaultBench) -> None:
-    """The driver reports the error frame of the controller as bus-off, and reopens the bus."""
+    """The driver reports the controller's error frame as bus-off, and reopens the bus."""
     bench.send_error(0x040, bytes(8))
     bench.end_of_cause().detect(BusFault.BUS_OFF)
     bench.recover()
@@ -244,7 +251,7 @@ def bus_off(bench: FaultBench) -> None:
 
 @fault()
 def error_frames(bench: FaultBench) -> None:
-    """The driver counts error frames, and reports error-passive until it ends. The taxels continue."""
+    """The driver counts error frames, and reports error-passive while that state lasts. The taxels continue."""
     for flags in (0x30, 0x10):
         bench.send_error(0x004, [0, flags, 0, 0, 0, 0, 9, 130])
     bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
@@ -269,7 +276,7 @@ def heartbeat_lost_while_taxels_flow(bench: FaultBench) -> None:
 
 @fault()
 def heartbeat_switched_off_by_another_master(bench: FaultBench) -> None:
-    """The driver reports the missing heartbeat and switches it on again, while the taxels continue."""
+    """The driver reports the missing heartbeat and switches it on again. No taxel is lost."""
     bench.send(0x620, '2B17100000000000')  # 0x1017 = 0
     bench.end_of_cause().detect(NodeFault.NO_HEARTBEAT)
     bench.recover()
@@ -278,7 +285,7 @@ def heartbeat_switched_off_by_another_master(bench: FaultBench) -> None:
 
 @fault()
 def taxels_lost_while_heartbeat_flows(bench: FaultBench) -> None:
-    """The driver reports a node that is OPERATIONAL but sends no taxels."""
+    """The driver reports that the node is OPERATIONAL but sends no taxels."""
     bench.adapter.lost_ids = set(COB_IDS)
     bench.detect(NodeFault.NO_TAXELS)
     bench.repair()
@@ -302,41 +309,42 @@ def tpdos_switched_off_by_another_master(bench: FaultBench) -> None:
 
 @fault()
 def tpdo_remapped_by_another_master(bench: FaultBench) -> None:
-    """Another master swaps taxels in TPDO 1. The driver publishes none of them, and writes the mapping again."""
+    """Another master swaps taxels in TPDO 1. The driver publishes no wrong taxel, and restores the mapping."""
     _write(bench, '23001801A0010080',                                      # switch TPDO 1 off
-           '2F001A0000000000', '23001A0110043071', '23001A0210033071',     # sub 4 and 3 in place of 1 and 2
+           '2F001A0000000000', '23001A0110043071', '23001A0210033071',     # sub-indices 4 and 3 instead of 1 and 2
            '23001A0310023071', '23001A0410013071', '2F001A0004000000', '23001801A0010000')
     assert bench.node().distrusted > 0
 
 
 @fault()
 def tpdo_slowed_down_by_another_master(bench: FaultBench) -> None:
-    """Another master makes TPDO 1 answer only every second SYNC. The driver reports this, and configures it again."""
+    """Another master makes TPDO 1 answer only every second SYNC. The driver reports and restores TPDO 1."""
     _write(bench, '2F00180202000000')
 
 
 @fault()
 def one_tpdo_switched_off_by_another_master(bench: FaultBench) -> None:
-    """One of sixteen TPDOs is off. The driver reports it and switches it on again. The other TPDOs continue."""
+    """One of sixteen TPDOs is off. The driver reports the TPDO and switches it on. The other TPDOs continue."""
     _write(bench, '23021801A2010080')
 
 
 @fault()
 def one_tpdo_switched_off_unseen(bench: FaultBench) -> None:
-    """One of sixteen TPDOs is off, and the driver saw no write. It names the TPDO and switches it on again."""
+    """One TPDO is off, and the driver did not see the write. The driver names the TPDO and switches it on."""
     bench.adapter.lost_ids = {0x620}
     bench.send(0x620, '23021801A2010080')
     bench.wait(lambda: NodeFault.TPDO_MISSING in bench.log.facts or bench.node().outages.count, 'not logged')
-    bench.assert_no_outage()  # an outage would have switched the TPDO on again
+    bench.assert_no_outage()  # recovery from an outage would have switched the TPDO on as well
     bench.detect(NodeFault.TPDO_MISSING)
-    bench.end_of_cause().recover()  # the repair begins with the report: before that, the fault is unknown
+    # The repair starts with the report, because the driver does not know of the fault before.
+    bench.end_of_cause().recover()
     bench.assert_no_outage()
     assert NodeFault.RECONFIGURED not in bench.log.facts
 
 
 @fault()
 def one_tpdo_never_arrives(bench: FaultBench) -> None:
-    """A configured TPDO never arrives. The driver names its number and COB-ID, and checks it less and less often."""
+    """A configured TPDO never arrives. The driver names the TPDO, and checks it less and less often."""
     bench.adapter.lost_ids = {0x1A2}
     bench.detect(NodeFault.TPDO_MISSING)
     assert bench.node().missing_tpdos == (SentTpdo(3, 0x1A2),)
@@ -347,7 +355,7 @@ def one_tpdo_never_arrives(bench: FaultBench) -> None:
                       if message.arbitration_id == 0x620 and message.data[:4] == bytes.fromhex('40181003'))
         return len(checks) >= times
     bench.wait(lambda: has_checked(5), 'not asked again')
-    pauses = np.diff(checks)  # at least 0.1, 0.2, 0.4 ... s, even on a busy machine
+    pauses = np.diff(checks)  # the pauses grow to at least 0.1, 0.2, 0.4 ... s, even on a busy machine
     assert (pauses[1:4] >= 0.1 * 2.0 ** np.arange(3)).all(), pauses
     bench.assert_no_outage()
     assert bench.node().fault is NodeFault.TPDO_MISSING
@@ -373,11 +381,11 @@ def _alone_again(bench: FaultBench) -> None:
 
 @fault()
 def two_devices_with_one_node_id(bench: FaultBench) -> None:
-    """A second device has our node-ID. The driver publishes no value while both send, and commands neither."""
+    """A second device has our node-ID. The driver publishes no value while both send, and commands neither device."""
     second = _second_device(bench)
     bench.detect(NodeFault.TWO_SENDERS)
     seen = len(bench.kept)
-    bench.send(0x000, '0120')  # another master starts both
+    bench.send(0x000, '0120')  # another master starts both devices
     bench.wait(lambda: all(one.devices[32].operational for one in (bench.simulator, second)), 'not started')
     bench.heard()
     time.sleep(3.0)
@@ -386,12 +394,12 @@ def two_devices_with_one_node_id(bench: FaultBench) -> None:
     assert all(one.devices[32].operational for one in (bench.simulator, second))
     _one_of_two_devices(bench, seen)
     second.stop()
-    _alone_again(bench)  # at its end, the bench checks that every valid value came from the first device
+    _alone_again(bench)  # at the end, the bench checks that every valid value came from the first device
 
 
 @fault(is_running=False)
 def two_devices_from_the_start(bench: FaultBench) -> None:
-    """Two devices answer during configure. The driver names the node and refuses, before it publishes any value."""
+    """Two devices answer during configure. The driver names the node and refuses to start."""
     second = _second_device(bench)
     bench.cause()
     bench.driver.open()
@@ -403,7 +411,8 @@ def two_devices_from_the_start(bench: FaultBench) -> None:
     bench.detected = time.monotonic() - bench._begun
     requests = sum(message.arbitration_id == 0x620 and message.data[0] != 0x80 for message in bench.heard())
     bench.wait(lambda: bench.driver.statistics().can_frames.get('sdo', 0) >= 2 * requests,
-               'not answered by both')  # a late answer would be taken for that to the next request for this object
+               # The driver would take a late response for the response to its next request for this object.
+               'not answered by both')
     second.stop()
     bench.end_of_cause()
     bench.driver.configure()
@@ -413,7 +422,7 @@ def two_devices_from_the_start(bench: FaultBench) -> None:
 
 @fault()
 def second_sender_of_a_tpdo(bench: FaultBench) -> None:
-    """Another node sends on one of our COB-IDs. The driver names the COB-ID, and publishes no value until it stops."""
+    """Another node sends on one of our COB-IDs. The driver names the COB-ID, and publishes no value while both send."""
     sender = bench.repeat(0x1A2, 0.017, bytes(8))
     bench.detect(NodeFault.TWO_SENDERS)
     assert bench.node().surplus_tpdos == (SentTpdo(3, 0x1A2),)
@@ -426,7 +435,7 @@ def second_sender_of_a_tpdo(bench: FaultBench) -> None:
 
 @fault()
 def replaced_by_two_devices(bench: FaultBench) -> None:
-    """Two devices with our node-ID appear after a silence. The driver takes neither for a backlog. It publishes NaN."""
+    """Two devices with our node-ID appear after a silence. The driver reports two senders and publishes NaN."""
     bench.device.power_off()
     bench.detect(NodeFault.SILENT)
     silent = len(bench.kept)
@@ -441,7 +450,7 @@ def replaced_by_two_devices(bench: FaultBench) -> None:
 
 @fault()
 def second_heartbeat_of_a_node_id(bench: FaultBench) -> None:
-    """Another device with our node-ID sends only heartbeats. The driver detects it by them, and publishes no value."""
+    """Another device with our node-ID sends heartbeats. The driver reports two senders and publishes no value."""
     sender = bench.repeat(0x720, 0.1, b'\x05')
     bench.detect(NodeFault.TWO_SENDERS)
     assert bench.node().surplus_tpdos == ()
@@ -452,7 +461,7 @@ def second_heartbeat_of_a_node_id(bench: FaultBench) -> None:
 
 @fault()
 def two_masters_fight(bench: FaultBench) -> None:
-    """Another master keeps switching a TPDO off. The driver reports this rarely, and repairs it less and less often."""
+    """Another master keeps switching a TPDO off. The driver reports and repairs the TPDO less and less often."""
     bench.send(0x620, '23021801A2010080')
     bench.detect(NodeFault.RECONFIGURED)
     for _ in range(40):
@@ -466,13 +475,14 @@ def two_masters_fight(bench: FaultBench) -> None:
 
 @fault()
 def second_sync_producer(bench: FaultBench) -> None:
-    """Another device sends SYNC while the driver produces it. The driver reports this until it ends."""
-    bench.is_clock_true = False  # taxels sampled at the other SYNC get the stamp of our SYNC
+    """Another device also sends SYNC. The driver reports a second producer while both send."""
+    bench.is_clock_true = False  # taxels that were sampled at the other SYNC get the stamp of our SYNC
     producer = bench.repeat(0x080, 0.05)
     bench.detect(SyncFault.SECOND_PRODUCER)
     assert bench.driver.health().sync.fault is SyncFault.SECOND_PRODUCER and bench.driver.health().sync.foreign > 0
     time.sleep(2.0)
-    assert NodeFault.TWO_SENDERS not in bench.log.facts  # TPDOs that answer the other SYNC do not prove a second sender
+    # A TPDO that answers the other SYNC does not prove a second sender.
+    assert NodeFault.TWO_SENDERS not in bench.log.facts
     producer.stop()
     bench.end_of_cause().recover()
     bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
@@ -480,7 +490,7 @@ def second_sync_producer(bench: FaultBench) -> None:
 
 @fault(produce_sync=False, sync_period=0.02, is_running=False)
 def sync_producer_of_another_period(bench: FaultBench) -> None:
-    """SYNC comes with a period other than sync_period. The driver reports both periods. The taxels continue."""
+    """The period of SYNC is not sync_period. The driver reports both periods. The taxels continue."""
     producer = bench.repeat(0x080, 0.04)
     bench.run().cause()
     bench.detect(SyncFault.OTHER_PERIOD)
@@ -494,7 +504,7 @@ def sync_producer_of_another_period(bench: FaultBench) -> None:
 
 @fault()
 def transmission_type_ignored(bench: FaultBench) -> None:
-    """A device confirms the transmission type but keeps another. The driver refuses it, or it would lose frames."""
+    """A device confirms the transmission type but keeps another type. The driver refuses the device to avoid losses."""
     _disturb_configuration(bench, _reads('4F001802', '02000000'), '0x1800 sub 2', '0x02')
 
 
@@ -512,7 +522,7 @@ def sync_of_another_producer_stops(bench: FaultBench) -> None:
 
 @fault()
 def emcy_storm(bench: FaultBench) -> None:
-    """The driver reports the first EMCY decoded, counts all, reports few, and keeps the last. Taxels continue."""
+    """The driver reports the first EMCY decoded, counts all EMCYs, reports few, and keeps the last. Taxels continue."""
     for i in range(2000):
         bench.send(0x0A0, f'1042 09 {i:010X}')
     bench.detect(kind=lambda fact: isinstance(fact, Emergency) and (fact.code, fact.register) == (0x4210, 0x09))
@@ -535,7 +545,7 @@ def short_emcy(bench: FaultBench) -> None:
 
 @fault()
 def emcy_until_it_is_reset(bench: FaultBench) -> None:
-    """An error remains a warning until the device resets this error or all errors, or starts again."""
+    """An error stays a warning until the device resets this error or all errors, or boots again."""
 
     def has(code: int | None, count: int) -> None:
         bench.wait(lambda: bench.node().emergencies == count, 'not counted')
@@ -566,7 +576,7 @@ def foreign_frames(bench: FaultBench) -> None:
 
 @fault((32, 64), boot_timeout=0.3, is_running=False)
 def absent_pad_of_two(bench: FaultBench) -> None:
-    """The present pad works. The driver reports that the other does not answer, and uses it as soon as it boots."""
+    """The present pad works. The driver reports the absent pad, and uses this pad as soon as it boots."""
     bench.simulator.devices[64].power_off()
     bench.cause()
     bench.run()
@@ -578,7 +588,7 @@ def absent_pad_of_two(bench: FaultBench) -> None:
 
 
 def _tamper(bench: FaultBench, tamper: Callable, seen: Callable[[FaultBench], int]) -> None:
-    """Pass all TPDOs through ``tamper`` until ``seen`` returns at least 20; then end the fault."""
+    """Pass all TPDOs through ``tamper`` until ``seen`` returns at least 20, and then end the fault."""
     bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id in COB_IDS else [message]
     bench.wait(lambda: seen(bench) >= 20, 'not counted')
     bench.detected = time.monotonic() - bench._begun
@@ -592,14 +602,14 @@ def _pad(bench: FaultBench):
 
 @fault()
 def tpdos_lost(bench: FaultBench) -> None:
-    """Every seventh TPDO is lost. Its taxels are NaN and STALE. The driver counts it as missing, with level WARN."""
+    """Every seventh TPDO is lost. The lost taxels are NaN and STALE. The driver counts and warns of missing TPDOs."""
     numbers = itertools.count()
     _tamper(bench, lambda message: [message] if next(numbers) % 7 else [], lambda bench: _pad(bench).missing)
 
 
 @fault()
 def tpdos_duplicated(bench: FaultBench) -> None:
-    """Each TPDO arrives twice. The driver drops the second one and counts it as a duplicate. The taxels continue."""
+    """Each TPDO arrives twice. The driver drops and counts the second TPDO as a duplicate. The taxels continue."""
     _tamper(bench, lambda message: [message, message],
             lambda bench: _pad(bench).losses[LossReason.DUPLICATE])
 
@@ -617,7 +627,7 @@ def tpdos_reordered(bench: FaultBench) -> None:
 
 @fault()
 def short_tpdos(bench: FaultBench) -> None:
-    """A TPDO is one byte too short. The driver drops it as short, and its taxels are NaN."""
+    """A TPDO is one byte too short. The driver drops the TPDO as short, and its taxels are NaN."""
     def cut(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data[:-1])] if message.arbitration_id == COB_IDS[3] else [message]
     _tamper(bench, cut, lambda bench: _pad(bench).losses[LossReason.SHORT])
@@ -625,7 +635,7 @@ def short_tpdos(bench: FaultBench) -> None:
 
 @fault()
 def over_long_tpdos(bench: FaultBench) -> None:
-    """A TPDO is longer than mapped (here: than CAN allows). The driver drops it as over-long and continues."""
+    """A TPDO is longer than its mapping and than CAN allows. The driver drops the TPDO as over-long and continues."""
     def lengthen(message: can.Message) -> list[can.Message]:
         return [_with_data(message, message.data + b'1')] if message.arbitration_id == COB_IDS[3] else [message]
     _tamper(bench, lengthen, lambda bench: _pad(bench).losses[LossReason.OVER_LONG])
@@ -637,7 +647,7 @@ def _with_data(message: can.Message, data: bytes) -> can.Message:
 
 
 def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], list], where: str, got: str) -> None:
-    """Restart the device while its SDO answers pass through ``tamper``, and check that all taxels are NaN meanwhile."""
+    """Restart the device with its SDO responses passing through ``tamper``, and check that all taxels are NaN."""
     bench.adapter.tamper = lambda message: tamper(message) if message.arbitration_id == 0x5A0 else [message]
     bench.power_cycle()
     bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and where in fact.where and got in fact.got)
@@ -648,7 +658,7 @@ def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], li
 
 
 def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]]:
-    """Return a function that changes the value of a read to ``value``, if its first four bytes are ``answer``."""
+    """Return a function that replaces the value of an SDO response that starts with the bytes ``answer``."""
     def tamper(message: can.Message) -> list[can.Message]:
         is_meant = bytes(message.data[:4]) == bytes.fromhex(answer)
         return [_with_data(message, bytes.fromhex(answer + value)) if is_meant else message]
@@ -657,8 +667,8 @@ def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]
 
 @fault()
 def sdo_aborted_in_configuration(bench: FaultBench) -> None:
-    """The device refuses its TPDO. The driver reports object and abort code, and retries until the device accepts."""
-    def abort(message: can.Message) -> list[can.Message]:  # CiA 301: 0x60 confirms a download; 0x80 aborts it
+    """The device refuses a write. The driver reports object and abort code, and retries until the write succeeds."""
+    def abort(message: can.Message) -> list[can.Message]:  # CiA 301: 0x60 confirms a download, and 0x80 aborts it
         is_tpdo = bytes(message.data[1:3]) == bytes.fromhex('0018')
         if message.data[0] == 0x60 and is_tpdo:
             message = _with_data(message, b'\x80' + bytes(message.data[1:4]) + bytes.fromhex('22000008'))
@@ -668,7 +678,7 @@ def sdo_aborted_in_configuration(bench: FaultBench) -> None:
 
 @fault()
 def sdo_timeout_in_mid_configuration(bench: FaultBench) -> None:
-    """The device goes silent during configuration. The driver reports the object without an answer, and retries."""
+    """The device goes silent during configuration. The driver reports the object without a response, and retries."""
     _disturb_configuration(
         bench, lambda message: [] if bytes(message.data[1:3]) == bytes.fromhex('001A') else [message],
         'object 0x1A00 sub', 'No SDO response')
@@ -698,11 +708,11 @@ def queue_overrun(bench: FaultBench) -> None:
 
 @fault()
 def process_stalled(bench: FaultBench) -> None:
-    """The driver process does not run for 1.2 s. It reports this, and sends the healthy device no command."""
+    """The driver process stalls for 1.2 s. The driver reports the stall, and sends the healthy device no command."""
     time.sleep(0.1)
     bench.heard()
     for _ in range(2):
-        ctypes.PyDLL(None).usleep(1_200_000)  # keeps the lock of the interpreter, so no thread runs
+        ctypes.PyDLL(None).usleep(1_200_000)  # this call keeps the interpreter's lock, so that no thread runs
         bench.end_of_cause()
         bench.detect(Overload.STALLED)
         bench.recover()
@@ -713,13 +723,13 @@ def process_stalled(bench: FaultBench) -> None:
 
 @fault()
 def wall_clock_set_back(bench: FaultBench) -> None:
-    """The clock goes back an hour. The driver counts the jump with WARN. Stamps never go back, and no TPDO is late."""
+    """The clock goes back an hour. The driver warns of one clock jump. Stamps never go back, and no TPDO is late."""
     _set_clock(bench, -3600.0)
 
 
 @fault()
 def wall_clock_set_forward(bench: FaultBench) -> None:
-    """The clock goes forward an hour. The driver counts the jump with WARN, and stamps follow immediately."""
+    """The clock goes forward an hour. The driver warns of one clock jump, and the stamps follow immediately."""
     _set_clock(bench, 3600.0)
 
 
@@ -756,7 +766,7 @@ def disk_full_while_recording(bench: FaultBench) -> None:
 
 @fault(is_running=False)
 def fails_while_inactive(bench: FaultBench) -> None:
-    """The driver reopens the bus and configures the device again. Activate then works as usual."""
+    """The driver reopens the bus and configures the device again. The transition activate then works."""
     bench.driver.open()
     bench.driver.configure()
     bench.cause()
@@ -792,12 +802,12 @@ def other_makers_device_at_work(bench: FaultBench) -> None:
     for times in range(1, 101):
         for can_id, data in theirs:
             bench.send(can_id, data)
-        # Without this wait, the backlog of a busy interpreter and of the simulated device in it would grow
+        # Without this wait, the backlog of the busy interpreter and of the simulated device would grow.
         bench.wait(lambda: bench.driver.statistics().can_frames.get('time', 0) == times, 'not counted')  # noqa: B023
     bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign', 0) == 400, 'not counted')
     bench.end_of_cause().recover()
     counts = bench.driver.statistics()
-    assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is an EMCY COB-ID
+    assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is the COB-ID of an EMCY
     assert not bench.complaints and bench.node().emergencies == 0
     bench.assert_no_outage()
     assert counts.pads['pad32'].losses[LossReason.UNKNOWN_ROW] == 0
@@ -805,7 +815,7 @@ def other_makers_device_at_work(bench: FaultBench) -> None:
 
 @fault(is_running=False)
 def refuses_operational_from_the_start(bench: FaultBench) -> None:
-    """The transition activate fails with the state of the device. The bus stays open for another attempt."""
+    """The transition activate fails, and the error names the device's state. The bus stays open for another attempt."""
     bench.device.refuses_start = True
     bench.driver.open()
     bench.driver.configure()
@@ -829,7 +839,7 @@ def refuses_operational_from_the_start(bench: FaultBench) -> None:
 
 @fault()
 def tare_under_load(bench: FaultBench) -> None:
-    """The driver refuses a tare under load and names the most pressed taxel. The zero does not change."""
+    """The driver refuses a tare under load and names the most pressed taxel. The offsets do not change."""
     pad, seen, outcome = TaredPad(ContactGuard.of_unit('N')), len(bench.kept), []
 
     def tare() -> None:
@@ -845,13 +855,13 @@ def tare_under_load(bench: FaultBench) -> None:
             seen += 1
         asking.join(0.01)
     bench.detected = time.monotonic() - bench._begun
-    last = 63  # with Coded, the last taxel has the highest reading
+    last = 63  # the last taxel of Coded has the highest reading
     assert f'row {last // 8}, column {last % 8}' in outcome[0] and pad.offset is None
 
 
 @fault((32, 35), source=uniform(1, 100, 1000, 12, 8), layout='nodes2_12x8_12bit.yaml')
 def one_of_a_pads_nodes_lost(bench: FaultBench) -> None:
-    """One of two nodes of a pad is lost. The driver reports it, and only its taxels are NaN until it boots again."""
+    """A pad loses one of its two nodes. The driver reports the node, and only its taxels are NaN until its boot."""
     second = bench.simulator.devices[35]
     values = _switch_off(bench, second, 12, NodeFault.SILENT).values
     first, lost = bench.driver.health().nodes['pad32']
@@ -862,7 +872,7 @@ def one_of_a_pads_nodes_lost(bench: FaultBench) -> None:
 
 @fault(source=uniform(2, 100, 1000, 16, 10), layout='domain16x10_16bit.yaml')
 def polled_pad_power_cycled(bench: FaultBench) -> None:
-    """The polls of a restarting pad (SDO block upload) fail. The driver reports this, and configures the booted pad."""
+    """The SDO block uploads of a restarting pad fail. The driver reports the failure and configures the booted pad."""
     _switch_off(bench, bench.device, 1,
                 kind=lambda fact: isinstance(fact, (SdoAbortedError, SdoCommunicationError)))
     _switch_on(bench, bench.device)
@@ -870,7 +880,7 @@ def polled_pad_power_cycled(bench: FaultBench) -> None:
 
 @fault(source=uniform(3, 100, 1000, 16, 10), layout='domain16x10_16bit.yaml')
 def polled_uploads_damaged(bench: FaultBench) -> None:
-    """Segments of uploads are damaged. The CRC detects this. The affected frames are NaN, and no value is wrong."""
+    """The driver detects damaged upload segments by their CRC. The affected frames are NaN, and no value is wrong."""
     count = itertools.count()
 
     def damage(message: can.Message) -> list[can.Message]:
@@ -890,7 +900,7 @@ def polled_uploads_damaged(bench: FaultBench) -> None:
 
 @fault((32, 64), source=uniform(4, 1e3, 9e4, 16, 16), layout='sim16x16.yaml')
 def adapter_of_two_large_pads_unplugged(bench: FaultBench) -> None:
-    """The driver checks 64 TPDOs of two 16x16 pads again. Both pads then work."""
+    """The driver checks the 64 TPDOs of two 16x16 pads again. Both pads then work."""
     bench.wait_for_whole('pad64')
     bench.adapter.is_plugged = False
     bench.detect(BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
@@ -911,7 +921,8 @@ def two_large_pads_power_cycled(bench: FaultBench) -> None:
 
 FAULTS += [stall(part, seconds) for seconds in (0.3, 2.0) for part in STALLING]
 LONG_FAULTS = [stall(part, seconds) for seconds in (1.0, 5.0, 10.0, 30.0) for part in STALLING]
-#: Faults that `make test` injects, one for each mechanism, with the reason. `make faults` injects all faults.
+#: The faults that `make test` injects, one for each mechanism, with the reason for each. `make faults` injects all
+#: faults.
 ESSENTIAL = {
     'power_cycled_in_mid_stream': 'BOOTED: the boot-up message starts the recovery',
     'absent_at_configure_then_late': 'DeviceAbsentError: configure waits',
@@ -946,7 +957,10 @@ ESSENTIAL = {
 
 
 class Beside:
-    """Context with a process that only sleeps. Its wake-up delay shows whether the machine keeps up."""
+    """Context manager for a process that only sleeps.
+
+    A long wake-up delay of this process shows that the machine is overloaded.
+    """
 
     PROGRAM = ('import select, sys, time\n'
                'worst = 0.0\n'
@@ -977,9 +991,9 @@ class Beside:
 
 
 def main(names: list[str]) -> int:
-    """Inject the faults with these ``names``, or all faults, and print the results as a table.
+    """Inject the faults in ``names``, or all faults, and print the results as a table.
 
-    Returns 1 if taxels came too late or a duration was wrong while the machine kept up, else 0.
+    The exit code is 1 if taxels came too late or a duration was wrong although the machine kept up, and 0 otherwise.
     """
     listed = {each.__name__: each for each in FAULTS + LONG_FAULTS}
     if not listed.keys() >= set(names):

@@ -1,4 +1,4 @@
-"""A virtual bus with faults for tests: its adapter can be pulled out, or can lose frames."""
+"""A virtual bus with faults for tests, whose adapter can be pulled out or can lose frames."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -10,18 +10,22 @@ from tactile_node.errors import BusError
 
 
 class Adapter:
-    """Opens buses in place of ``open_bus``. Each fault affects the open buses and all buses that are opened later."""
+    """Replaces ``open_bus`` and opens buses with faults.
+
+    Each fault affects all open buses, and all buses that are opened later.
+    """
 
     def __init__(self):
-        self.lost: list[bytes] = []  #: data of the frames that were not passed on
+        self.lost: list[bytes] = []  #: data of the frames that the adapter lost
         self.opened = 0
         self.mend()
 
     def mend(self) -> None:
         """Remove all faults."""
         self.is_plugged = self.can_send = True
-        self.lost_ids: set[int] = set()  #: CAN identifiers whose frames the adapter does not pass on
-        #: returns the frames to pass on instead
+        #: CAN identifiers of the frames that the adapter loses
+        self.lost_ids: set[int] = set()
+        #: function that returns the frames to pass on instead of a frame
         self.tamper: Callable[[can.Message], Iterable[can.Message]] | None = None
 
     def open(self, interface: str, channel: str, bitrate: int) -> can.BusABC:

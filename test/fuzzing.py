@@ -1,10 +1,10 @@
-"""Random and mutated input: all kinds of files that the package reads, all kinds of CAN frames, and their timing.
+"""Random and mutated input: all kinds of files that the package reads, and all kinds and timings of CAN frames.
 
 Run by `make fuzz`, or: python test/fuzzing.py [--frames N] [--files N] [--lines N] [--sweeps N] [--seed 1]
 
-The rule: an input may raise only TactileError. It must not cause a hang, an unreported loss, an exception in a
-callback, or growing memory. The script keeps each file that breaks the rule in build/fuzz. After the defect is fixed,
-move the file to test/data/corpus, which the tests read.
+An input may raise no error except TactileError. An input must not cause a hang, an unreported loss, an exception in a
+callback, or growing memory. The script keeps each file that breaks one of these rules in build/fuzz. After you have
+fixed the defect, move the file to test/data/corpus, which the tests read.
 """
 
 import argparse
@@ -44,9 +44,9 @@ from tactile_node.taxel_frame import TaxelStatus
 
 ROOT = Path(__file__).resolve().parents[1]
 CORPUS = ROOT / 'test/data/corpus'
-TIMEOUT = 20  #: longest time for one file [s]
-GROWTH = 10    #: allowed growth of the memory after the first tenth [MB]
-BURST = 2000   #: number of CAN frames that are sent before the driver catches up
+TIMEOUT = 20  #: time limit for one file [s]
+GROWTH = 10    #: allowed growth of the memory after the first tenth of the steps [MB]
+BURST = 2000   #: number of CAN frames that are sent before the test waits for the driver
 NASTY = ('', '0', '-1', '1e999', 'nan', '0x', '$NODEID', '$NODEID+', '99999999999999999999', '[', ']', '{', '}',
          ': ', '- ', '=', ';', '#', '\0', '\n', '\t', '\ufeff', '&a', '*a', '!!python/object:os.system', '0x80000180',
          'é', '%s', "'")
@@ -54,7 +54,7 @@ LOG_SUFFIXES = ('.log', '.asc', '.blf', '.trc', '.log.gz', '.csv')
 
 
 class HangError(Exception):
-    """A file took longer than TIMEOUT."""
+    """Raised if reading a file takes longer than TIMEOUT."""
 
 
 def read_log(path: Path) -> None:
@@ -62,14 +62,17 @@ def read_log(path: Path) -> None:
         pass
 
 
-#: Reader for each kind of file. A reader may raise only TactileError.
+#: Maps each kind of file to its reader. A reader may raise no error except TactileError.
 READERS: dict[str, Callable[[Path], object]] = {
     'eds': lambda path: load_eds(path, 32), 'layout': load_layout, 'log': read_log,
     'weights': ShapeRecogniser.from_file, 'curves': lambda path: make_recogniser(VOLF, str(path))}
 
 
 def survives(kind: str, path: Path) -> str:
-    """Return 'read' or 'refused'. Raises HangError after TIMEOUT, and all errors of the reader except TactileError."""
+    """Read a file and return 'read' or 'refused'.
+
+    Raises HangError after TIMEOUT, and passes on every error of the reader except TactileError.
+    """
     def hang(*_: object):
         raise HangError(f'{path} takes longer than {TIMEOUT} s')
     before = signal.signal(signal.SIGALRM, hang)
@@ -85,7 +88,10 @@ def survives(kind: str, path: Path) -> str:
 
 
 def originals(folder: Path) -> list[tuple[str, str, bytes]]:
-    """Return (kind, suffix, content) of valid files of each kind. They are small, so that reading many is fast."""
+    """Return (kind, suffix, content) of valid files of each kind.
+
+    The files are small, so that reading many of them takes little time.
+    """
     config = ROOT / 'config'
     eds = (config / 'sim8x8_16bit.eds').read_bytes()
     found = [('eds', '.eds', eds), ('eds', '.eds', eds[:3000]), ('layout', '.yaml', TINY.encode()),
@@ -119,7 +125,7 @@ def _cut(rng: random.Random, content: bytes) -> bytes:
 
 
 def _moved(rng: random.Random, content: bytes) -> bytes:
-    """Move a piece to another place, or copy it there."""
+    """Move a piece of the content to another place, or copy it there."""
     begin, to = rng.randint(0, len(content)), rng.randint(0, len(content))
     piece = content[begin:begin + rng.choice((1, 8, 80))]
     if rng.random() < 0.5:
@@ -142,7 +148,7 @@ def _line(rng: random.Random, content: bytes) -> bytes:
 
 
 def _nasty(rng: random.Random, content: bytes) -> bytes:
-    """Replace a word with a text that often breaks parsers."""
+    """Replace a word with a string that often breaks parsers."""
     words = content.replace(b'=', b' = ').split(b' ')
     words[rng.randrange(len(words))] = rng.choice(NASTY).encode()
     return b' '.join(words).replace(b' = ', b'=')
@@ -153,13 +159,16 @@ _TEXT_CHANGES = (*_CHANGES, _line, _line, _nasty, _nasty)
 
 
 def mutated_files(seed: int, folder: Path) -> Iterator[tuple[str, Path]]:
-    """Yield broken files as (kind, path). A later file overwrites each of them."""
+    """Yield broken files as (kind, path).
+
+    Read each file before you request the next one, because a later file may overwrite it.
+    """
     rng, sound = random.Random(seed), originals(folder)
     number = 0
     while True:
         for kind, suffix, content in sound:
             is_text = suffix != '.blf'
-            if suffix == '.log.gz' and rng.random() < 0.5:  # change the content, or else the archive itself
+            if suffix == '.log.gz' and rng.random() < 0.5:  # change the content of the archive, or the archive itself
                 content = gzip.compress(mutated(rng, gzip.decompress(content), True))
             else:
                 content = mutated(rng, content, is_text and suffix != '.log.gz')
@@ -170,12 +179,12 @@ def mutated_files(seed: int, folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def random_message(rng: random.Random, ids: list[int]) -> can.Message:
-    """Return a random CAN message. Half of all messages have an identifier from ``ids``."""
+    """Return a random CAN message. Half of all random messages have an identifier from ``ids``."""
     extended, fd = rng.random() < 0.03, rng.random() < 0.02
     can_id = rng.choice(ids) if rng.random() < 0.5 else rng.randrange(0x800)
     size = rng.choice((0, 1, 2, 4, 7, 8, 8, 8, 8)) if not fd else rng.choice((8, 12, 64))
     if rng.random() < 0.01:
-        size = rng.randrange(16)  # a controller never reports more than 8, but the firmware of an adapter may
+        size = rng.randrange(16)  # a controller never reports more than 8 bytes, but the firmware of an adapter may
     kind = rng.random()
     stamp = rng.choice((0.0, -1.0, 1e18, float('nan'))) if kind < 0.02 else time.time()
     return can.Message(timestamp=stamp, arbitration_id=can_id | rng.getrandbits(18) << 11 if extended else can_id,
@@ -184,7 +193,7 @@ def random_message(rng: random.Random, ids: list[int]) -> can.Message:
 
 
 class FrameFuzz:
-    """Context with a supervised driver of one pad, on a bus with random CAN messages."""
+    """Context manager for a supervised driver of one pad, on a bus with random CAN messages."""
 
     def __init__(self, channel: str, seed: int):
         self._rng = random.Random(seed)
@@ -208,11 +217,11 @@ class FrameFuzz:
         self.bench.__exit__(*problem)
 
     def send(self, count: int) -> None:
-        """Send ``count`` messages, then wait until the driver has seen them."""
+        """Send ``count`` messages, then wait until the driver has received them."""
         for _ in range(count):
             self._other.send(random_message(self._rng, self._ids))
         self.sent += count
-        while self._other.recv(0) is not None:  # empty the queue of this participant, which also receives
+        while self._other.recv(0) is not None:  # this participant also receives messages, so its queue must be emptied
             pass
         assert wait_until(lambda: self.seen() >= self.sent, 60), f'{self.sent} sent, {self.seen()} seen'
 
@@ -221,7 +230,7 @@ class FrameFuzz:
         return sum(statistics.can_frames.values()) + statistics.queue_overruns
 
     def right_again(self) -> bool:
-        """Reset the node, and return True if whole frames of untouched taxels are published again."""
+        """Reset the node, and return True if the driver then publishes whole frames of untouched taxels."""
         self._other.send(can.Message(arbitration_id=0, data=[0x81, 32], is_extended_id=False))
         self._still = 0
         return wait_until(lambda: self._still > 10, 30)
@@ -236,7 +245,7 @@ class FrameFuzz:
 
 
 class Tracebacks(logging.Handler):
-    """Counts logged exceptions by logger and type, because exceptions in callbacks appear only in the log."""
+    """Counts logged exceptions by logger and type, because an exception in a callback appears only in the log."""
 
     def __init__(self):
         super().__init__(logging.ERROR)
@@ -249,12 +258,15 @@ class Tracebacks(logging.Handler):
 
     @property
     def ours(self) -> int:
-        """Number of exceptions in the package. Others may come from canopen's SDO server in the simulated skin."""
+        """Number of exceptions in our package.
+
+        The SDO server of canopen in the simulated skin may raise further exceptions, which do not count.
+        """
         return sum(count for where, count in self.counts.items() if where.startswith('tactile_node'))
 
 
 class SerialFuzz:
-    """Context with an slcan adapter on a serial line that damages its data."""
+    """Context manager for an slcan adapter on a serial line that damages its data."""
 
     def __init__(self, seed: int):
         self._rng, self._stack = random.Random(seed), ExitStack()
@@ -285,7 +297,7 @@ class SerialFuzz:
                 self.outcome['reported as damaged' if message.is_error_frame else 'a frame by chance'] += 1
             assert len(self.bus._buffer) <= LONGEST_LINE
             try:
-                os.read(self._adapter, 1 << 16)  # discard the data that the driver sent to the adapter
+                os.read(self._adapter, 1 << 16)  # discard the data that the driver has sent to the adapter
             except BlockingIOError:
                 pass
 
@@ -302,7 +314,7 @@ def resident() -> float:
 
 
 class Growth:
-    """Growth of the memory after the first tenth of ``count`` steps."""
+    """Growth of the process's memory after the first tenth of ``count`` steps."""
 
     def __init__(self, count: int):
         self._tenth, self._warm = count // 10, 0.0
@@ -312,14 +324,14 @@ class Growth:
             self._warm = resident()
 
     def report(self) -> bool:
-        """Print the growth, and return True if it exceeds GROWTH."""
+        """Print the growth of the memory, and return True if it exceeds GROWTH."""
         grown = resident() - self._warm
         print(f'memory {grown:+.1f} MB after the first tenth', flush=True)
         return grown > GROWTH
 
 
 def fuzz_files(count: int, seed: int) -> int:
-    """Read ``count`` broken files, print the outcome, and return the number of violations of the rule."""
+    """Read ``count`` broken files, print the outcome, and return the number of files that break a rule."""
     outcome, broken, kept, growth = Counter(), 0, ROOT / 'build/fuzz', Growth(count)
     kept.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
@@ -337,7 +349,7 @@ def fuzz_files(count: int, seed: int) -> int:
 
 
 def fuzz_frames(count: int, seed: int) -> int:
-    """Send ``count`` random CAN messages, print the outcome, and return the number of violations."""
+    """Send ``count`` random CAN messages, print the outcome, and return the number of broken rules."""
     bursts = count // BURST
     with FrameFuzz('fuzz', seed) as fuzz:
         growth = Growth(bursts)
@@ -353,7 +365,7 @@ def fuzz_frames(count: int, seed: int) -> int:
 
 
 def fuzz_lines(count: int, seed: int) -> int:
-    """Send ``count`` broken slcan lines, print the outcome, and return the number of violations."""
+    """Send ``count`` broken slcan lines, print the outcome, and return the number of broken rules."""
     growth = Growth(10)
     with SerialFuzz(seed) as fuzz:
         for tenth in range(10):
@@ -364,7 +376,7 @@ def fuzz_lines(count: int, seed: int) -> int:
 
 
 def fuzz_timings(count: int, seed: int) -> int:
-    """Simulate ``count`` sweeps with random timings, print the outcome, and return the number of wrong taxel frames."""
+    """Simulate ``count`` sweeps with random timing, print the outcome, and return the number of wrong taxel frames."""
     worlds = itertools.cycle(itertools.product((ONE, TWO, TWO_NODES), (HOST, WIRE)))
     sent = whole = wrong = 0
     for number, (pads, clock) in enumerate(worlds):

@@ -1,7 +1,7 @@
-"""A gripper with its own action, pads that feel a spring, and a client, as nodes of one executor.
+"""A gripper with its action server, pads that feel a spring, and a client, as nodes of one executor.
 
-Time is virtual. In each STEP, the gripper moves and the pads feel the result. A bench runs in real time only if its
-gripper node or its pads are in another process.
+Time is virtual. In each STEP of virtual time, the gripper moves and the pads measure the result. A bench runs in real
+time only if its gripper node or its pads run in another process.
 """
 
 import math
@@ -23,30 +23,33 @@ from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import ContactShape, Grasp, GripperOutcome
 
 STEP = 0.01  #: Period of the motor [s].
-STEPS = 2  #: Number of periods of the motor in a period of the frames.
+STEPS = 2  #: Number of motor periods per frame period.
 PERIOD = STEPS * STEP  #: Period of the frames [s].
-THRESHOLD = 0.05  #: Force from which on a pad is touched [N].
+THRESHOLD = 0.05  #: Force above which a pad counts as touched [N].
 AGE = 0.015  #: Age of a grasp when it is sent [s].
-START = 0.06  #: Opening at the start [m].
-ANSWER_TIME = 2.0  #: Time after which a goal to another process is sent again [s].
+START = 0.06  #: Opening of the gripper at the start [m].
+ANSWER_TIME = 2.0  #: Time after which an unanswered goal to another process is sent again [s].
 
 
 class Motor:
-    """The gripper's own action. It moves to its goal, holds its place after a cancel, and accepts a new goal early."""
+    """The action server of the gripper's controller.
+
+    The motor moves to its goal, keeps its position after a cancel, and accepts a new goal early.
+    """
 
     def __init__(self, bench, interface, scale=1.0, offset=0.0):
         self._bench = bench
         self.interface, self.scale, self.offset = interface, scale, offset
         self.opening, self.slowness = START, 1.0
-        self.rejects = False  #: True if it rejects goals
+        self.rejects = False  #: True if the motor rejects goals
         self.cancels = False  #: True if a client has cancelled a command
-        self.stays = False  #: True if it refuses a cancel
-        self.never_ends = False  #: True if it never ends a replaced command
-        self.is_terse = False  #: True if its results are empty
-        self.is_silent = False  #: True if its server does not answer
-        self.goes_on = False  #: True if its hardware executes the last command while its server is silent
-        self.is_hasty = False  #: True if it reports at once that it is at its goal
-        self.coasts = False  #: True if it continues to its goal after a cancel
+        self.stays = False  #: True if the motor refuses to cancel a goal
+        self.never_ends = False  #: True if a replaced command never gets a result
+        self.is_terse = False  #: True if the results of the motor have empty fields
+        self.is_silent = False  #: True if the server does not respond
+        self.goes_on = False  #: True if the hardware continues the last command while the server is silent
+        self.is_hasty = False  #: True if the motor reports success at once, before it has reached its goal
+        self.coasts = False  #: True if the motor continues to its goal after a cancel
         self.most_goals = 1000
         self.commands: list[Command] = []
         self.directions: list[str] = []  #: directions of the accepted commands
@@ -56,10 +59,13 @@ class Motor:
         self.start()
 
     def start(self):
-        """Serve its action. An earlier silent server stays in the graph, like the server of a killed process."""
+        """Serve its action.
+
+        An earlier server that does not respond stays in the ROS graph, like the server of a killed process.
+        """
         self.is_silent, self._goal = False, None
         self.node = self._bench.add('motor')
-        self._bench.stack.callback(self.kill)  # before the end of the node, which its servers use
+        self._bench.stack.callback(self.kill)  # the servers use the node, so they must be destroyed first
         self.server = ActionServer(
             self.node, self.interface.action, '/gripper_controller/gripper_cmd', execute_callback=lambda handle: None,
             goal_callback=lambda goal: GoalResponse.REJECT if self.rejects or len(self.commands) >= self.most_goals
@@ -69,7 +75,7 @@ class Motor:
         self._servers.append(self.server)
 
     def restart(self):
-        """Serve its action by a second server, and wait until the gripper node sees this server."""
+        """Start a second server for the motor's action, and wait until the gripper node sees it."""
         self.start()
         self._bench.until_served(len(self._servers))
 
@@ -82,12 +88,12 @@ class Motor:
         self.is_silent, self.goes_on = True, goes_on
 
     def wake(self):
-        """Answer all requests that came while the server was silent."""
+        """Respond to all requests that arrived while the server was silent."""
         self._bench.executor.add_node(self.node)
         self.is_silent = False
 
     def die(self):
-        """End its action, and wait until the gripper node sees this."""
+        """Destroy the motor's action server, and wait until the gripper node has noticed."""
         self.kill()
         self._bench.until_joined(lambda: not self._bench.node._client._client.server_is_ready())
 
@@ -155,7 +161,10 @@ class Motor:
 
 
 class Pads:
-    """Publishes the grasp of an object of ``width`` [m] as the pads feel it. ``change`` changes the message."""
+    """Publishes the grasp of an object of ``width`` [m] as the pads measure it.
+
+    ``change`` modifies the message before it is published.
+    """
 
     def __init__(self, bench, motor, width=0.04, off=0.0, stiffness=1000.0):
         self._bench, self._motor = bench, motor
@@ -196,7 +205,7 @@ class Pads:
 
 
 class Client:
-    """Commands the gripper node as a planner commands a gripper."""
+    """Commands the gripper node as a planner does."""
 
     def __init__(self, bench, interface, action='/touch_gripper/gripper_cmd'):
         self._bench = bench
@@ -210,9 +219,9 @@ class Client:
         self._bench.until_joined(lambda: self._client.is_ready)
 
     def until_answered(self, position):
-        """Wait until the node in another process answers a goal.
+        """Wait until the gripper node in another process responds to a goal.
 
-        An answer may be lost until both processes have discovered all endpoints of each other.
+        A response may be lost until both processes have discovered all endpoints of each other.
         """
         self.until_ready()
         sent, sent_at = None, -math.inf
@@ -225,20 +234,23 @@ class Client:
         self._bench.until(is_answered)
 
     def send(self, position=0.0, speed=0.0, effort=0.0, goal=None):
-        """Send a goal, and return it after it was accepted."""
+        """Send a goal, and return its handle after the goal was accepted."""
         sent = self._client.send(position, speed, effort, goal=goal)
         self._bench.until(lambda: sent.handle is not None)
         return sent
 
     def result(self, sent):
-        """Return status, state and outcome of a goal."""
+        """Return the status, the state and the outcome of a goal."""
         self._bench.until(lambda: sent.ending is not None)
         return sent.ending
 
 
 @contextmanager
 def started_node(*parameters, words=(), ros=(), log=None):
-    """Run a gripper node in a process. ``words`` and ``ros`` are more arguments, ``log`` is the file for its log."""
+    """Run a gripper node in a separate process.
+
+    ``words`` and ``ros`` are further arguments, and ``log`` is the file for the node's log.
+    """
     given = [word for each in ('max_age:=5.0', 'fast_speed:=0.002', 'slow_speed:=0.002', *parameters)
              for word in ('-p', each)]
     process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', *words, '--ros-args', *given,
@@ -251,10 +263,10 @@ def started_node(*parameters, words=(), ros=(), log=None):
 
 
 class GripperBench(TimedBench):
-    """Motor, pads, the gripper node and a client.
+    """The motor, the pads, the gripper node and a client.
 
-    If ``pads`` is None, another process publishes the pads in real time. If ``has_node`` is False, node_as_process
-    starts the node.
+    If ``pads`` is None, another process publishes the pads in real time. If ``has_node`` is False, the method
+    node_as_process starts the node.
     """
 
     def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, pads=(),
@@ -268,7 +280,7 @@ class GripperBench(TimedBench):
             return
         given = {'action_type': kind, 'gap_scale': scale, 'gap_offset': offset, **dict(parameters)}
         self.node = self.add(self.timed(GripperNode)(
-            start_parameter_services=False,  # no test needs them, and each slows every wait
+            start_parameter_services=False,  # no test needs parameter services, and each service slows every wait
             parameter_overrides=[Parameter(name, value=value) for name, value in given.items()]))
         self.client.until_ready()
         self.until_joined(lambda: self.node.count_publishers('/grasp'))
@@ -282,10 +294,10 @@ class GripperBench(TimedBench):
 
     @contextmanager
     def node_as_process(self, *parameters, **options):
-        """Run the gripper node in another process, and kill it at the end.
+        """Run the gripper node in another process, and kill the process at the end.
 
-        The gripper moves ten times as fast as it is commanded. Even on a busy machine, no pad then counts as unseen,
-        and the gripper does not count as too slow.
+        The gripper moves ten times as fast as it is commanded to. At this speed, no pad counts as unseen and the
+        gripper does not count as too slow, even on a busy machine.
         """
         self.motor.slowness = 0.1
         with started_node(*parameters, **options) as process:
@@ -296,25 +308,28 @@ class GripperBench(TimedBench):
             yield process
 
     def until_listened(self):
-        """Wait until the node accepts goals to close. It first listens for other gripper nodes."""
+        """Wait until the node accepts goals to close.
+
+        Before the node accepts goals to close, it listens for other gripper nodes.
+        """
         while not self.node._watch.has_listened:
             if self.time is None:
                 self.wait(STEP)
-            else:  # advance virtual time in one step
+            else:  # advance the virtual time in one step
                 self.time.advance(HOLD_TIME)
                 self.settle()
 
     def until_served(self, servers):
-        """Wait until the gripper node sees this number of ``servers`` of the gripper's own action."""
+        """Wait until the gripper node sees ``servers`` servers of the gripper's own action."""
         service = '/gripper_controller/gripper_cmd/_action/send_goal'
         self.until_joined(lambda: self.node.count_services(service) == servers)
 
     def until_seen(self):
-        """Wait until the gripper node uses the pads, after it has estimated the age of their frames."""
+        """Wait until the gripper node has estimated the age of the pads' frames and uses them."""
         self.until(self.node._is_current)
 
     def open(self):
-        """Open the gripper from any state, and clear the record of commands."""
+        """Open the gripper from any state, and clear the list of commands."""
         self.motor.move_to(START)
         self.motor.commands.clear()
         self.pads.change, self.pads.is_silent, self.pads.strongest = (lambda message: message), False, 0.0
@@ -322,10 +337,10 @@ class GripperBench(TimedBench):
         self.until_seen()
 
     def close(self, **goal):
-        """Close until the goal ends; return status, state and outcome."""
+        """Close the gripper until the goal ends, and return the status, the state and the outcome."""
         return self.client.result(self.client.send(**goal))
 
     def outcome(self, **goal):
-        """Close until the goal ends; return the outcome, or None if its message was lost during late discovery."""
+        """Close the gripper until the goal ends, and return the outcome, or None if late discovery lost its message."""
         ending = self.close(**goal)
         return ending.outcome and ending.outcome.outcome

@@ -1,4 +1,7 @@
-"""Faults of a gripper's server during goals of the gripper node, in virtual time. `happens` runs one of them."""
+"""Faults of a gripper's action server during goals of the gripper node, in virtual time.
+
+The function `happens` runs one of these faults.
+"""
 
 from typing import NamedTuple
 
@@ -6,11 +9,13 @@ from gripper_bench import Motor
 
 from tactile_node.grasp.closing import Outcome
 
-FORCE = 5.0  #: Force of a goal [N].
-LATE = 0.8  #: Delay that exceeds the answer_timeout [s].
-PARTLY = 0.05  #: Opening of a goal that opens partly [m].
-WIDEST = 0.08  #: Opening of the open gripper [m].
-MOST = 10.0  #: Force at which the gripper itself stalls [N].
+FORCE = 5.0  #: Requested force of a goal [N].
+LATE = 0.8  #: Delay that is longer than the answer_timeout [s].
+PARTLY = 0.05  #: Opening of a goal that opens the gripper partly [m].
+#: Jaw opening when the gripper is fully open [m].
+WIDEST = 0.08
+#: Force at which the gripper itself stalls [N].
+MOST = 10.0
 #: Faults that are present before the goal. All other faults begin after the gripper has accepted its command.
 BEFORE = ('rejects', 'answers late', 'succeeds at once', 'refuses cancels', 'two servers', 'stopped, then woken')
 FAULTS = ('accepts and hangs', 'dies, new server', *BEFORE)
@@ -18,18 +23,18 @@ GOALS = ('close', 'force', 'partly', 'widest', 'preempt', 'hold')
 
 
 class Happened(NamedTuple):
-    """Outcome for the client, commands to the gripper, and movement of the gripper."""
+    """The outcome for the client, the commands to the gripper, and the movement of the gripper."""
 
     outcome: Outcome | None  #: None while the hold continues
-    is_in_doubt: bool       #: True if the text says that the gripper may still be moving
-    sent: str               #: the commands that the gripper has accepted, by their direction
+    is_in_doubt: bool       #: True if the text of the outcome says that the gripper may still be moving
+    sent: str               #: directions of the commands that the gripper has accepted
     was_cancelled: bool
     moves_on: bool          #: True if the gripper still moves 1 s after the outcome
     strongest: float        #: largest force on a pad [N]
 
 
 def happens(bench, fault, goal):
-    """Run ``goal`` with ``fault``, and return what happened."""
+    """Run ``goal`` with ``fault``, and return the outcome, the commands and the movement."""
     motor = bench.motor
     motor.blocked_at = bench.pads.width - MOST / bench.pads.stiffness
     if goal == 'partly':
@@ -104,7 +109,7 @@ def _break(bench, fault):
 
 
 def recover(bench, fault):
-    """End ``fault``, and return the outcomes of a goal to open and of a goal to close after that."""
+    """End ``fault``, and return the outcomes of a goal to open and of a later goal to close."""
     motor = bench.motor
     if fault == 'accepts and hangs':
         motor.restart()

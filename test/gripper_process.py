@@ -1,8 +1,9 @@
 """Serve a gripper's own action until a test stops or kills this process: python gripper_process.py KIND [TRAVEL].
 
-KIND is works, hangs or rejects. If it is hangs, the process accepts a goal and then answers nothing. TRAVEL is the
-distance by which the gripper closes in a step of 0.02 s [m]; the default is the distance by which it opens. The process
-prints a line for each event, the first one when it has discovered the client of its action.
+KIND is one of the words works, hangs and rejects. With hangs, the process accepts a goal and then sends no further
+response. TRAVEL is the distance by which the gripper closes in a step of 0.02 s [m]. By default, the gripper closes by
+the distance by which it opens. The process prints one line for each event. The first event is the discovery of the
+client of the action.
 """
 
 import sys
@@ -13,13 +14,13 @@ from control_msgs.action import ParallelGripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
 PERIOD = 0.02  #: Duration of a step [s].
-TRAVEL = 0.001  #: Movement in a step [m].
-START = 0.06  #: Opening at the start [m].
+TRAVEL = 0.001  #: Movement of the gripper per step [m].
+START = 0.06  #: Opening of the gripper at the start [m].
 ACTION = '/gripper_controller/gripper_cmd'
 
 
 class Gripper:
-    """A gripper on which a new goal replaces the current one."""
+    """A gripper whose current goal is replaced by each new goal."""
 
     def __init__(self, kind, travel=TRAVEL):
         self.kind, self.closes_by, self.opening, self.goal = kind, float(travel), START, None

@@ -1,6 +1,6 @@
-"""A 16x16 skin with its own response: contact mechanics under a layer, saturating readings, and a log of CAN frames.
+"""A simulated 16x16 skin: contact mechanics under a layer, readings that saturate, and a log of CAN frames.
 
-The log is written with the identifiers of CiA 301 and without the codec of the package.
+The log uses the identifiers of CiA 301, and is written without the package's codec.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from training.ground_truth.layer import sample, stress_field
 from training.ground_truth.mechanics import Solution, solve
 
 SIDE, PITCH, NODE_ID = 16, 0.002, 32
-DEPTH = 0.7          #: Depth of the taxels [pitches].
+DEPTH = 0.7          #: Depth of the taxels below the surface [pitches].
 FULL_SCALE = 255     #: [counts]
 PERIOD = 0.02        #: [s]
 IDLE = 12            #: Number of frames without a contact before and after each press.
@@ -22,9 +22,10 @@ ZERO = 6.0           #: Reading at rest [counts].
 
 
 def solved(shape: str, lengths: Sequence[float], rounding: float) -> tuple[Solution, float]:
-    """Return the solution for a flat face that is pressed, and its area [taxels].
+    """Return the contact solution for a pressed flat face, and the area of the face [taxels].
 
-    ``lengths`` are in metres. ``rounding`` is that of the edge, as a fraction of the inscribed radius.
+    The unit of ``lengths`` is metres. ``rounding`` is the radius of the rounded edge, as a fraction of the inscribed
+    radius.
     """
     contact = Contact(shape, tuple(length / PITCH for length in lengths), 0.0, 0.0)
     unit = Contact(shape, tuple(length / np.sqrt(contact.area) for length in contact.dimensions), 0.0, 0.0)
@@ -32,15 +33,15 @@ def solved(shape: str, lengths: Sequence[float], rounding: float) -> tuple[Solut
 
 
 def counts(pressure: np.ndarray) -> np.ndarray:
-    """Return the readings of the skin: 1.25 p / (p + 0.25), with p in units of its range."""
+    """Return the readings of the skin, which are 1.25 p / (p + 0.25) of full scale for the relative pressure p."""
     pressure = np.maximum(pressure, 0)
     return FULL_SCALE * 1.25 * pressure / (pressure + 0.25)
 
 
 def pressed(rng: np.random.Generator, solution: Solution, area: float, presses: int, frames: int) -> list[np.ndarray]:
-    """Return frames of ``presses`` presses at random poses, uint8 counts.
+    """Return the frames of ``presses`` presses at random poses, as uint8 counts.
 
-    Each press has ``frames`` frames of rising pressure. Between two presses, nothing presses the skin.
+    The pressure rises during the ``frames`` frames of each press. Between two presses, the skin carries no load.
     """
     field, found = stress_field(solution, area, DEPTH), [_noisy(rng, np.zeros((SIDE, SIDE))) for _ in range(IDLE)]
     for _ in range(presses):
@@ -52,7 +53,7 @@ def pressed(rng: np.random.Generator, solution: Solution, area: float, presses: 
 
 
 def write_log(path: Path, frames: Sequence[np.ndarray]) -> None:
-    """Write a log like candump: for each frame a SYNC, then 32 TPDOs of 8 taxels, row by row."""
+    """Write a log in candump format: for each frame a SYNC, followed by 32 TPDOs of 8 taxels, row by row."""
     lines, spacing = [], PERIOD / 40
     for number, frame in enumerate(frames):
         start = 1000.0 + number * PERIOD

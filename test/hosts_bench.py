@@ -1,7 +1,7 @@
-"""The chain of a gripper on two hosts: skin and driver on the first host, the planner on the second host.
+"""A gripper's processing chain on two hosts: skin and driver run on the first host, and the planner on the second host.
 
-The nodes are started with `tactile bringup`, as by a user. Claims, records and allowed times are those of
-misled_bench.py. All processes share the steady clock of this machine.
+The bench starts the nodes with `tactile bringup`, as a user does. The claims, records and allowed times are defined in
+misled_bench.py. All processes use the steady clock of this machine.
 """
 
 import json
@@ -21,9 +21,9 @@ from two_hosts import Host, Hosts
 
 DRIVER = 'skin_driver'
 TOPICS = ('grasp=grasp', 'left=left/shape', 'right=right/shape', 'health=/diagnostics', 'status=skin_driver/status')
-SIDES = {'bus': 'bus', 'thinking': 'perception'}  #: side of `tactile bringup` for each host
-DISCOVERY_PORT = 11811  # default port of a discovery server of Fast DDS
-SENDING = 'sock_alloc_send'  # kernel function in which a thread waits for room in a socket
+SIDES = {'bus': 'bus', 'thinking': 'perception'}  #: maps each host to its side of `tactile bringup`
+DISCOVERY_PORT = 11811  # default port of Fast DDS's discovery server
+SENDING = 'sock_alloc_send'  # kernel function in which a thread waits for free space in a socket
 
 
 NODES = {'/skin_driver', *(f'/{pad}/{role}' for pad in PADS for role in ('processor', 'classifier')), '/grasp'}
@@ -31,13 +31,13 @@ CLIENT = Path(__file__).with_name('hosts_client.py')
 
 
 def missing(shapes: list[Record]) -> int:
-    """Return the number of frames between ``shapes`` that were lost, without those that were left out on purpose."""
+    """Return the number of frames between ``shapes`` that were lost, except those that a stage left out on purpose."""
     return sum(max(0, after['sequence'] - before['sequence'] - 1 - after['left_out'])
                for before, after in zip(shapes, shapes[1:]))
 
 
 def _text(file: Path) -> str:
-    """Return the text of a file in /proc, or '' if its thread has ended."""
+    """Return the text of a file in /proc, or '' if the thread that it describes has ended."""
     try:
         return file.read_text(encoding='ascii')
     except OSError:
@@ -45,26 +45,29 @@ def _text(file: Path) -> str:
 
 
 class HostsWorld(World):
-    """A gripper that holds an object. Its nodes run on both ``hosts``, and the consumer runs on the second host.
+    """A gripper that holds an object.
+
+    The gripper's nodes run on both ``hosts``, and the consumer runs on the second host.
 
     Parameters
     ----------
     hosts
         The two hosts.
     held
-        Attributes of the held object.
+        Attributes of the held object that differ from their defaults.
     topics
-        Topics of the consumer.
+        Topics to which the consumer subscribes.
     here
-        Topics of another consumer on the first host. It adds its records to `here_records`.
+        Topics to which another consumer on the first host subscribes. The other consumer adds its records to
+        `here_records`.
     period
         Time between two frames [s].
     discovery_server
-        True to run a discovery server on the first host, which replaces the addresses of the peers.
+        True if a discovery server on the first host replaces the addresses of the peers.
     environment
-        Further environment variables of all processes.
+        Additional environment variables for all processes.
     given
-        ROS parameters of all nodes.
+        ROS parameters for all nodes.
     """
 
     has_sides = True  #: False if all nodes run on the first host
@@ -82,7 +85,7 @@ class HostsWorld(World):
             self._environment |= {'ROS_DISCOVERY_SERVER': f'{hosts.first.address}:{DISCOVERY_PORT}',
                                   'ROS_STATIC_PEERS': ''}
         self.here_records: list[Record] = []
-        self.bringups: dict[str, subprocess.Popen] = {}  #: key: host, 'bus' or 'thinking'
+        self.bringups: dict[str, subprocess.Popen] = {}  #: maps the host, 'bus' or 'thinking', to its process
 
     def _start(self, stack: ExitStack) -> None:
         first, second = self.hosts.both
@@ -125,7 +128,7 @@ class HostsWorld(World):
         return self._on(self.hosts.second)(command, **keywords)
 
     def driver_waits(self, seconds: float) -> int:
-        """Check every 0.1 s if a thread of the bus host's nodes waits for the link; return how often one did."""
+        """Check every 0.1 s whether a thread of the bus host waits for the link, and return how often one did."""
         ends, found = time.monotonic() + seconds, 0
         while time.monotonic() < ends:
             time.sleep(0.1)
@@ -147,7 +150,7 @@ class HostsWorld(World):
         return [record for record in list(self.records) if record['topic'] == topic and record['time'] > since]
 
     def hold_again(self, since: float) -> float:
-        """Wait for a stable grasp after ``since`` [s, monotonic]; return the time from ``since`` to its arrival [s]."""
+        """Wait for a stable grasp after ``since`` [s, monotonic], and return the time until its arrival [s]."""
         stable = lambda: [record for record in self.received('grasp', since) if record['stable']]  # noqa: E731
         self.wait(stable, 'a stable grasp again')
         return float(stable()[0]['time']) - since
@@ -175,7 +178,7 @@ class HostsWorld(World):
 
 
 def use_from_other_host(world: HostsWorld) -> None:
-    """Call services and actions across the link: check_grasp of the grasp node, and tare of the driver."""
+    """Call services and actions across the link: check_grasp and wait_for_grasp, and the driver's tare."""
     world.hold(0.0)
     with world.on_second([sys.executable, str(CLIENT)], stdout=subprocess.PIPE, text=True) as client:
         answer = json.loads(client.communicate(timeout=3 * TIMEOUT)[0])

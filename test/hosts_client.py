@@ -1,4 +1,4 @@
-"""Use the skin from another host, as a planner and a lifecycle manager do, and print the result as one JSON line.
+"""Use the skin from another host, as a planner and a lifecycle manager do, and print the result as one line of JSON.
 
     python test/hosts_client.py
 """
@@ -20,7 +20,7 @@ from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import GraspRequirement, SkinStatus
 from tactile_skin.srv import CheckGrasp, Tare
 
-TIMEOUT = 60.0  #: Longest wait, long enough for a busy machine [s].
+TIMEOUT = 60.0  #: Time limit on a busy machine [s].
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 HEARD = {'status': (SkinStatus, 'skin_driver/status', LATCHED), 'log': (Log, '/rosout', LATCHED),
          'diagnostics': (DiagnosticArray, '/diagnostics', 10)}
@@ -63,7 +63,10 @@ def grasps(node) -> dict:
 
 
 def driver(node) -> dict:
-    """Return the result of a tare, which is refused while an object is held, and of a stop and a start."""
+    """Return the result of a refused tare, and the states after a stop and a start.
+
+    The driver refuses a tare while an object is held.
+    """
     tare = called(node, Tare, 'skin_driver/tare', Tare.Request(frames=5))
     parameters = called(node, GetParameters, 'skin_driver/get_parameters', GetParameters.Request(names=['pads']))
     states = [called(node, GetState, 'skin_driver/get_state', GetState.Request()).current_state.id]

@@ -1,4 +1,7 @@
-"""Stand-ins for `launch` and `launch_ros`, which are not on PyPI. They record what the launch file would start."""
+"""Stand-ins for `launch` and `launch_ros`, which are not on PyPI.
+
+The stand-ins record which processes the launch file would start.
+"""
 
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
@@ -9,7 +12,7 @@ from tactile_node.cli.main import _parser
 
 
 class Recorded:
-    """Stand-in for a class of `launch` or `launch_ros`, which keeps its arguments."""
+    """Stand-in for a class of `launch` or `launch_ros` that keeps its arguments."""
 
     def __init__(self, *given, **named):
         self.given, self.named = given, named
@@ -21,7 +24,7 @@ class Configuration(Recorded):
 
 
 class Context(dict):
-    """Stand-in for a launch context. Its items are the launch configurations."""
+    """Stand-in for a launch context. The items of this dictionary are the launch configurations."""
 
     @property
     def launch_configurations(self):
@@ -46,7 +49,7 @@ def put_stand_ins(monkeypatch):
 
 
 def declared(path):
-    """Return the arguments that a launch file declares, and the function that it calls."""
+    """Return the arguments that a launch file declares, and the function that makes its actions."""
     spec = spec_from_file_location(path.name.replace('.', '_'), path)
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -56,19 +59,19 @@ def declared(path):
 
 
 def actions_of(path, given):
-    """Return the actions of the launch file for the ``given`` launch configurations, including inherited ones."""
+    """Return the launch file's actions for the launch configurations in ``given``, including inherited ones."""
     found, function = declared(path)
     return function(Context({each.given[0]: each.named['default_value'] for each in found} | given))
 
 
 def process_of(path, **given):
-    """Return the process of `tactile bringup`, the only one that the launch file starts."""
+    """Return the `tactile bringup` process, which must be the only process that the launch file starts."""
     process, = processes_of(path, **given)
     return process
 
 
 def processes_of(path, **given):
-    """Return the processes that the launch file starts, bringup first."""
+    """Return the processes that the launch file starts, with bringup first."""
     found, _ = declared(path)
     defaults = {each.given[0]: each.named['default_value'] for each in found}
     assert given.keys() <= defaults.keys()
@@ -83,5 +86,5 @@ def processes_of(path, **given):
 
 
 def nodes_of(process, namespace=''):
-    """Return the nodes that a process makes, as the real command reads its arguments."""
+    """Return descriptions of the nodes that a process would start, from arguments parsed as in the real command."""
     return describe_nodes(_parser('bringup').parse_args(process['arguments']), namespace)

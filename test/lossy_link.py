@@ -1,9 +1,11 @@
-"""A link between two network namespaces that loses and delays packets. It relays IP packets between two tun devices.
+"""A link between two network namespaces that loses and delays packets.
+
+The script relays IP packets between two tun devices.
 
     python lossy_link.py PID_OF_THE_OTHER_NAMESPACE ADDRESS_HERE ADDRESS_THERE
 
-two_hosts.py starts this script in the first namespace. Each line on standard input is a command, and the script answers
-with a line. Unlike an Ethernet link, this link has no ARP, no multicast and no limit of its rate.
+two_hosts.py starts this script in the first namespace. Each line on standard input is a command, to which the script
+responds with one line. Unlike an Ethernet link, this link has no ARP, no multicast and no rate limit.
 """
 
 import ctypes
@@ -24,12 +26,12 @@ TUNSETIFF = 0x400454ca  # linux/if_tun.h
 IFF_TUN, IFF_NO_PI = 0x0001, 0x1000
 CLONE_NEWNET = 0x40000000  # linux/sched.h
 MTU = 1500
-MOST_WAITING = 20_000  #: Length of the queue [packets]. Like a router, the link drops further packets.
+MOST_WAITING = 20_000  #: Length of the packet queue. If the queue is full, the link drops packets like a router.
 SEED = 16
 
 
 class Link(NamedTuple):
-    """State of the link, as two_hosts.LossyHosts.set describes it."""
+    """State of the link, whose fields are described in two_hosts.LossyHosts.set."""
 
     loss: float = 0.0
     delay: float = 0.0
@@ -37,17 +39,18 @@ class Link(NamedTuple):
 
 
 class Relay:
-    """Relays packets between the two tun devices ``ends``."""
+    """Relays packets between the two tun devices in ``ends``."""
 
     def __init__(self, ends: tuple[int, int]):
         self._other = {ends[0]: ends[1], ends[1]: ends[0]}
         self._random = random.Random(SEED)
         self._link = Link()
-        self._waiting: list[tuple[float, int, int, bytes]] = []  # time to send, order, target, packet
+        # Tuples of the time to send, a running number, the target device and the packet.
+        self._waiting: list[tuple[float, int, int, bytes]] = []
         self._order = itertools.count()
 
     def run(self) -> None:
-        """Relay until standard input ends."""
+        """Relay packets until standard input is closed."""
         while True:
             readable, _, _ = select.select([sys.stdin, *self._other], [], [], self._next_wait())
             if sys.stdin in readable and not self._obey(sys.stdin.readline()):
@@ -80,7 +83,7 @@ class Relay:
 
 
 def tun(here: str, there: str) -> int:
-    """Make a tun interface in the current namespace, set it up, and return its file descriptor."""
+    """Create a tun interface in the current namespace, bring it up, and return its file descriptor."""
     end = os.open('/dev/net/tun', os.O_RDWR)
     fcntl.ioctl(end, TUNSETIFF, struct.pack('16sH22x', b'tun0', IFF_TUN | IFF_NO_PI))
     for words in (f'address add {here} peer {there} dev tun0', f'link set tun0 mtu {MTU} txqueuelen 5000 up'):

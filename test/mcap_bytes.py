@@ -1,4 +1,4 @@
-"""Find the records of an MCAP file by its specification (mcap.dev/spec), so that tests can damage a known place."""
+"""Find the records of an MCAP file by its specification (mcap.dev/spec), so that tests can damage them."""
 
 import struct
 from typing import NamedTuple
@@ -7,7 +7,10 @@ CHUNK, MESSAGE_INDEX, DATA_END = 0x06, 0x07, 0x0F
 
 
 class Record(NamedTuple):
-    """Offsets of a record: ``begin`` of the opcode, ``content`` after its length (8 bytes), ``end`` at the next."""
+    """Offsets of a record.
+
+    ``begin`` is the offset of the opcode, ``content`` follows the length of 8 bytes, and ``end`` is the next record.
+    """
 
     opcode: int
     begin: int
@@ -31,6 +34,9 @@ def chunks(data):
 
 
 def payload(chunk, data):
-    """Return the offset of a chunk's compressed records: after two times, size, CRC, compression and size."""
+    """Return the offset of a chunk's compressed records.
+
+    The fields before these records are two times, size, CRC, compression and size.
+    """
     name, = struct.unpack_from('<I', data, chunk.content + 28)
     return chunk.content + 32 + name + 8

@@ -1,8 +1,10 @@
-"""A bench that tries to mislead consumers. It runs the whole chain; the skin and the consumer are separate processes.
+"""A bench that tries to mislead subscribers.
 
-Both pads of a simulated gripper hold an object. A case disturbs the skin, the bus, the nodes or the messages between
-them, and names the claims that are false from then on. `World.false` measures for how long the latest message of the
-consumer made such a claim.
+The bench runs the whole chain, with the skin and the consumer as separate processes.
+
+Both pads of a simulated gripper hold an object. A case disturbs the skin, the bus, the nodes or the messages, and names
+the claims that are false from then on. The method `World.false` measures for how long the consumer's latest message
+made such a false claim.
 """
 
 import gc
@@ -33,15 +35,15 @@ from tactile_node.nodes.spinning import FrameExecutor
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 PERIOD = 0.02  # time between two frames [s]
-WITHDRAWN = max(0.1, 3 * PERIOD)  # time within which a grasp must lose `fresh` [s]
+WITHDRAWN = max(0.1, 3 * PERIOD)  # time limit for withdrawing `fresh` from a grasp [s]
 QOS = QoSProfile(depth=100)
 PAUSE = 0.005  # pause of the thread that detects stalls [s]
 MESSAGES = {'taxels': TaxelArray, 'contact': Contact, 'shape': ContactShape}
 READERS = {'taxels': 'processor', 'contact': 'classifier', 'shape': 'grasp'}
-TIMEOUT = 60.0  # longest wait, long enough for a busy machine [s]
-Record = dict[str, Any]  # a line that the consumer printed
+TIMEOUT = 60.0  # time limit on a busy machine [s]
+Record = dict[str, Any]  # one line that the consumer printed
 Claim = Callable[[Record], bool]
-Popen = Callable[..., subprocess.Popen]  # starts a process, on this host or on another
+Popen = Callable[..., subprocess.Popen]  # function that starts a process on this host or on another host
 
 
 def empty(record: Record) -> bool:
@@ -64,7 +66,7 @@ def negated(claim: Claim) -> Claim:
 
 
 class SkinProcess:
-    """The skin that misled_skin.py simulates, on the serial port ``link``."""
+    """The skin simulated by misled_skin.py on the serial port ``link``."""
 
     def __init__(self, link: str, attributes: dict[str, Any], popen: Popen = subprocess.Popen):
         path = Path(__file__).with_name('misled_skin.py')
@@ -73,7 +75,7 @@ class SkinProcess:
         assert self._process.stdout.readline() == 'ready\n'
 
     def set(self, **attributes: Any) -> None:
-        """Change attributes of the held object, `misled_skin.Object`."""
+        """Change attributes of the held object, which are those of `misled_skin.Object`."""
         self._send(set=attributes)
 
     def lose(self, can_ids: Iterable[int]) -> None:
@@ -100,8 +102,8 @@ class FalseClaim(NamedTuple):
     """A claim that is false from a certain time on."""
 
     name: str
-    is_made: Claim       #: returns True if a message makes the claim
-    bound: float = 0.0   #: time for which it may still be made [s]; 0 if it may never be made
+    is_made: Claim       #: function that returns True if a message makes the claim
+    bound: float = 0.0   #: time for which messages may still make the claim [s], or 0 if no message may make it
     topic: str = 'grasp'
 
 
@@ -112,9 +114,9 @@ class Finding(NamedTuple):
     seconds: float   #: time for which the latest message made the claim [s]
     messages: int    #: number of messages that made the claim
     bound: float     #: allowed time [s]
-    latency: float   #: time from acquisition to consumer before the fault; data in transit still arrives [s]
+    latency: float   #: transport time to the consumer before the fault, for which old data still arrives [s]
     stall: float     #: time for which the machine itself stood still [s]
-    seen: str        #: the states that the consumer saw
+    seen: str        #: states that the consumer saw
     has_ended: bool  #: True if the latest message no longer makes the claim
 
     @property
@@ -123,12 +125,16 @@ class Finding(NamedTuple):
 
 
 class Relay:
-    """A relay between two topics. While it holds messages back, it keeps the first ones and drops all later ones."""
+    """A relay between two topics.
+
+    While the relay holds messages back, it keeps the first messages and drops all later ones.
+    """
 
     def __init__(self, node: Any, kind: type, topic: str, relayed: str):
         self._publisher = node.create_publisher(kind, relayed, QOS)
         self._subscription = node.create_subscription(kind, topic, self._pass, QOS)
-        self._room: int | None = None  # number of messages to keep; None while messages pass
+        # Largest number of messages that the relay keeps, or None while it passes messages on.
+        self._room: int | None = None
         self._kept: list[Any] = []
 
     @property
@@ -150,17 +156,17 @@ class Relay:
 
 
 class Watch:
-    """The lines that consumers have printed, and the evaluation of false claims in them."""
+    """The lines that consumers have printed, and the false claims found in these lines."""
 
     def __init__(self) -> None:
-        self.latency = 0.0  #: longest time from acquisition to consumer before the fault [s]
-        self.unstable = 0.0  #: share of the time before the fault without a stable grasp
+        self.latency = 0.0  #: longest time from acquisition to the consumer before the fault [s]
+        self.unstable = 0.0  #: fraction of the time before the fault without a stable grasp
         self.records: list[Record] = []
         self.stalls: list[tuple[float, float]] = []  #: start and duration of each stall of this process [s]
         self._stop = threading.Event()
 
     def tick(self) -> None:
-        """Record each stall: a time without processor, or in which a thread kept the interpreter's lock."""
+        """Record each stall, in which this process had no processor or a thread kept the interpreter's lock."""
         before = time.monotonic()
         while not self._stop.wait(PAUSE):
             now = time.monotonic()
@@ -177,14 +183,14 @@ class Watch:
 
     @staticmethod
     def failure(text: str) -> Exception:
-        """Return the error for a wait that timed out. On an overloaded machine, this error skips the test."""
+        """Return the error for a wait that timed out. On an overloaded machine, the returned error skips the test."""
         return TooSlowError(text) if is_overloaded() else AssertionError(text)
 
     def latest(self, topic: str) -> Record:
         return next((record for record in reversed(self.records) if record['topic'] == topic), {})
 
     def hold(self, seconds: float = 1.0) -> None:
-        """Wait until the consumer sees a stable grasp, and measure the undisturbed chain for further ``seconds``."""
+        """Wait until the consumer sees a stable grasp, then measure the undisturbed chain for ``seconds``."""
         self.wait(lambda: self.latest('grasp').get('stable'), 'a stable grasp')
         began = time.monotonic()
         time.sleep(seconds)
@@ -193,7 +199,7 @@ class Watch:
         self.unstable = self.false(FalseClaim('not stable', negated(stable)), began).seconds / max(seconds, 1e-9)
 
     def watch(self, since: float, seconds: float, *claims: FalseClaim) -> list[Finding]:
-        """Watch for ``seconds`` after ``since`` [s, monotonic], and until the claims with a bound have ended."""
+        """Watch for ``seconds`` after ``since`` [s, monotonic], and longer until the claims with a bound have ended."""
         end = since + seconds
         time.sleep(max(0.0, end - time.monotonic()))
         while True:
@@ -203,7 +209,7 @@ class Watch:
             time.sleep(PERIOD)
 
     def false(self, claim: FalseClaim, since: float) -> Finding:
-        """Return for how long after ``since`` [s, monotonic] the latest message has made ``claim``."""
+        """Return for how long after ``since`` [s, monotonic] the latest message made ``claim``."""
         until = time.monotonic()
         records = [record for record in list(self.records)
                    if record['topic'] == claim.topic and record['time'] <= until]
@@ -218,7 +224,7 @@ class Watch:
                        not claim.is_made(records[-1]))
 
     def _seen(self, topic: str, since: float, until: float) -> str:
-        """Return the states that the consumer saw, in their order."""
+        """Return the states that the consumer saw, in order."""
         seen: list[str] = []
         for record in list(self.records):
             if record['topic'] == topic and since < record['time'] <= until:
@@ -229,13 +235,15 @@ class Watch:
 
 
 class World(Watch):
-    """The chain of a gripper. A case may leave nodes out, or set parameters of a node by its role.
+    """The processing chain of a gripper.
 
-    ``period`` is the time between two frames [s]. The allowed times are based on PERIOD; with a longer ``period``, a
-    busy machine keeps up.
+    A case may leave nodes out, or set the parameters of a node by the role of the node.
+
+    ``period`` is the time between two frames [s]. The allowed times are based on PERIOD. A longer ``period`` lets a
+    busy machine keep up.
     """
 
-    hands_over = True  #: True if stages pass results by function calls, as in one process; False if only by messages
+    hands_over = True  #: True if stages pass results by function calls as in one process, or False if only by messages
 
     def __init__(self, held: dict[str, Any] | None = None, *, without: Sequence[str] = (),
                  topics: Sequence[str] = ('grasp=grasp', 'left=left/shape'), relayed: str = '', period: float = PERIOD,
@@ -288,7 +296,8 @@ class World(Watch):
         stack.callback(self._stop.set)
         if 'driver' in self.nodes:
             self.nodes['driver'].autostart()
-        gc.freeze()  # as in our processes, because a full collection takes as long as an allowed silence
+        # Our processes also freeze the collector, because a full collection takes as long as an allowed silence.
+        gc.freeze()
 
     def _make_nodes(self) -> None:
         driver = {'interface': 'slcan', 'channel': self._port, 'pads': list(PADS), 'node_ids': list(NODE_IDS),
@@ -307,7 +316,7 @@ class World(Watch):
                            for pad in PADS]
 
     def peer(self) -> Any:
-        """Make and return a node that does not belong to the chain."""
+        """Create and return a node that does not belong to the chain."""
         node = rclpy.create_node('peer', context=self.context)
         self.nodes['peer'] = node
         self.executor.add_node(node)
@@ -320,14 +329,17 @@ class World(Watch):
         self.executor.add_node(node)
 
     def _remappings(self, name: str) -> list[str]:
-        """Return the arguments that make the reader of a relayed topic subscribe to the relay."""
+        """Return the command-line arguments that make the subscriber of a relayed topic subscribe to the relay."""
         if not self._relayed or name.split('_')[0] != READERS[self._relayed]:
             return []
         rules = [f'{pad}/shape:={pad}/relayed' for pad in PADS] if name == 'grasp' else [f'{self._relayed}:=relayed']
         return ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
 
     def remove(self, name: str) -> None:
-        """End a node without a message, like a crash, on the thread of the executor, which may be using the node."""
+        """Destroy a node without a message, like a crash.
+
+        The executor's thread destroys the node, because this thread may be using the node.
+        """
         node = self.nodes.pop(name)
         done = threading.Event()
 
@@ -340,7 +352,8 @@ class World(Watch):
 
     def _destroy_nodes(self) -> None:
         self.executor.shutdown()
-        for name in sorted(self.nodes, key='driver'.__ne__):  # the driver first, because it feeds the other nodes
+        # The driver feeds the other nodes, so it is destroyed first.
+        for name in sorted(self.nodes, key='driver'.__ne__):
             self.nodes[name].destroy_node()
         self.nodes.clear()
 
@@ -350,7 +363,7 @@ class World(Watch):
 
     def _consume(self, stack: ExitStack, topics: Sequence[str], records: list[Record],
                  popen: Popen = subprocess.Popen) -> subprocess.Popen:
-        """Start a consumer of ``topics`` that adds what it receives to ``records``."""
+        """Start a consumer of ``topics`` whose output is added to ``records``."""
         path = Path(__file__).with_name('misled_consumer.py')
         consumer = popen([sys.executable, str(path), *topics], stdout=subprocess.PIPE, text=True)
 

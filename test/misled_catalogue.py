@@ -1,8 +1,8 @@
 """Cases that try to mislead a consumer. Each case disturbs one thing while both pads hold an object.
 
-The consumer looks only at the latest message. `python test/misled_catalogue.py` (`make misled`) runs every case. It
-prints the false claims that the consumer saw, for how long it saw them, and the allowed time. `test_misled.py` runs
-some of the cases and measures no times.
+The consumer looks only at the latest message. `python test/misled_catalogue.py` (`make misled`) runs every case. The
+script prints the false claims that the consumer saw, for how long the consumer saw them, and the allowed time.
+test_misled.py runs some of these cases and measures no times.
 """
 
 import argparse
@@ -43,20 +43,21 @@ from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_skin.msg import Contact, ContactEvent, ContactMotion, ContactShape, GripperOutcome, TaxelArray
 from tactile_skin.srv import Tare
 
-FROZEN_AFTER = 0.5  # parameter of the driver [s]
+FROZEN_AFTER = 0.5  # value of the driver's parameter frozen_after [s]
 HELD_BACK = 5.0  # time for which a relay holds messages back [s]
-SMALL = {'side': 5.0}  # side of an object that nine rows cover [taxels]
-BURST = 10  # number of messages that a relay keeps
-SETTLED = 0.3  # time after which the messages must be true again [s]
+SMALL = {'side': 5.0}  # side of an object that covers at most nine rows [taxels]
+BURST = 10  # largest number of messages that a relay keeps
+SETTLED = 0.3  # time after which all messages must be true again [s]
 MINUTE = 60.0
-SLIDES_ON = 0.5  # time for which a movement is reported after its end [s]; the end of a fast one takes a little less
+# Time for which a movement is still reported after its end [s], which is a little shorter for a fast movement.
+SLIDES_ON = 0.5
 EMPTY, LEFT_EMPTY = FalseClaim('empty', empty), FalseClaim('empty', empty, topic='left')
 NOT_EMPTY = FalseClaim('not empty', lambda record: record['contact'] != 'NO_CONTACT', SETTLED)
-Case = Callable[..., list[Finding]]  # some cases accept a period
+Case = Callable[..., list[Finding]]  # some of the functions also accept a period
 
 
 def skin_freezes() -> list[Finding]:
-    """The skin repeats its last values exactly. The driver has the parameter frozen_after."""
+    """The skin keeps sending its last values. The driver's parameter frozen_after is set."""
     with World(driver={'frozen_after': FROZEN_AFTER}) as world:
         world.hold()
         world.skin.set(is_frozen=True)
@@ -87,15 +88,16 @@ def one_pad_loses_power() -> list[Finding]:
 
 
 def driver_ends() -> list[Finding]:
-    """The driver is destroyed; the other nodes continue."""
+    """The driver is destroyed, and the other nodes continue."""
     with World() as world:
         world.hold()
-        world.remove('driver')  # the driver first stops the devices, and no other node of this process runs meanwhile
+        # The driver first stops the devices, and no other node of this process runs during that time.
+        world.remove('driver')
         return _after(world, 1.0, WITHDRAWN + PERIOD)
 
 
 def classifier_ends() -> list[Finding]:
-    """One of the two classifiers ends without a message."""
+    """One of the two classifiers stops without a message."""
     with World() as world:
         world.hold()
         since = time.monotonic()
@@ -116,7 +118,7 @@ def nodes_start_while_held() -> list[Finding]:
 
 
 def rows_are_hidden() -> list[Finding]:
-    """The TPDOs of the nine rows under the object are lost on the left pad."""
+    """On the left pad, the TPDOs of the nine rows under the object are lost."""
     with World(SMALL) as world:
         return rows_lost(world)
 
@@ -132,11 +134,14 @@ def rows_lost(world: World) -> list[Finding]:
 
 
 def a_part_is_hidden() -> list[Finding]:
-    """The lower rows of the object are hidden. The visible part is shorter and lighter, and has another centre."""
+    """The lower rows of the object are hidden.
+
+    The visible part of the object is shorter and lighter than the whole, and has another centre.
+    """
     with World() as world:
         world.hold()
         layout = gripper_pads()[0].layout
-        world.skin.lose({tpdo.cob_id.of(NODE_IDS[0]) for tpdo in layout.tpdos[16:24]})  # rows 8 to 11
+        world.skin.lose({tpdo.cob_id.of(NODE_IDS[0]) for tpdo in layout.tpdos[16:24]})  # the TPDOs of rows 8 to 11
         since = time.monotonic()
         return world.watch(since, 1.5, EMPTY, LEFT_EMPTY, FalseClaim('stable', stable, WITHDRAWN + PERIOD),
                            FalseClaim('a force', _has_force, SETTLED, 'left'),
@@ -162,7 +167,10 @@ def object_creeps(period: float = PERIOD) -> list[Finding]:
 
 
 def object_creeps_slowly() -> list[Finding]:
-    """The object slides at 0.05 mm/s for a minute. The grasp is stable, and a message that denies this is false."""
+    """The object slides at 0.05 mm/s for a minute.
+
+    The grasp is stable, so a message that reports it as not stable is false.
+    """
     with World({'speed': 0.05e-3}) as world:
         world.hold()
         since = time.monotonic()
@@ -170,7 +178,7 @@ def object_creeps_slowly() -> list[Finding]:
 
 
 def messages_held_back(link: str = 'shape') -> list[Finding]:
-    """A relay holds back ten messages of each pad for 5 s, and then sends all of them at once."""
+    """A relay holds back ten messages of each pad for 5 s, and then sends all ten at once."""
     with World(relayed=link) as world:
         world.hold()
         relays = world.relays
@@ -208,7 +216,7 @@ def malformed_sent(world: World) -> list[Finding]:
 
 
 def tare_is_requested() -> list[Finding]:
-    """A client requests a tare while the object is held. tare_limit is above the pressure of the object."""
+    """A client requests a tare while the object is held, and tare_limit is above the pressure of the object."""
     with World(driver={'tare_limit': 1e6}) as world:
         world.hold()
         client = world.peer().create_client(Tare, 'skin_driver/tare')
@@ -224,7 +232,10 @@ def tare_is_requested() -> list[Finding]:
 
 
 def taxels_are_dead() -> list[Finding]:
-    """Eight scattered taxels (3 %) of each pad are dead. The grasp, and later the empty pads, are still reported."""
+    """Eight scattered taxels (3 %) of each pad are dead.
+
+    The chain must still report the grasp, and later the empty pads.
+    """
     places = {pad: np.random.default_rng(number).permutation(256)[:8] for number, pad in enumerate(PADS)}
     with TemporaryDirectory() as folder:
         file = Path(folder) / 'faults.yaml'
@@ -240,7 +251,10 @@ def taxels_are_dead() -> list[Finding]:
 
 
 def object_is_taken_away() -> list[Finding]:
-    """The object is removed, and both pads are empty. A message that denies this for long is false."""
+    """The object is removed, so both pads are empty.
+
+    After a short time, a message that does not report both pads as empty is false.
+    """
     with World() as world:
         world.hold()
         world.skin.set(is_there=False)
@@ -248,7 +262,10 @@ def object_is_taken_away() -> list[Finding]:
 
 
 def _after(world: World, seconds: float, bound: float, since: float | None = None) -> list[Finding]:
-    """Watch an interrupted chain. It must never report empty, and report current results only for up to ``bound``."""
+    """Watch an interrupted chain, which may report current results only for up to ``bound``.
+
+    The interrupted chain must never report a pad as empty.
+    """
     since = time.monotonic() if since is None else since
     return world.watch(since, seconds, EMPTY, FalseClaim('current', current, bound))
 
@@ -267,7 +284,7 @@ def named(name: str, function: Callable[..., list[Finding]]) -> Case:
 
 
 def one_pad_never_answers() -> list[Finding]:
-    """The right pad has not sent a result yet."""
+    """The right pad has never sent a result."""
     with World(without=['classifier_right']) as world:
         since = time.monotonic()
         world.wait(lambda: world.latest('grasp'), 'a grasp')
@@ -276,7 +293,10 @@ def one_pad_never_answers() -> list[Finding]:
 
 
 def joint_states_end() -> list[Finding]:
-    """The joint states that give the opening stop. An old width must not pass for the current width."""
+    """The joint states stop, so that the node can no longer compute the opening.
+
+    An old width must not be reported as the current width.
+    """
     limit = 0.3
     with World(grasp={'gap_source': 'joint_states', 'gap_joints': ['finger'], 'max_gap_age': limit}) as world:
         controller = world.peer()
@@ -285,7 +305,8 @@ def joint_states_end() -> list[Finding]:
         before = time.monotonic()
         while time.monotonic() < before + 1.0:
             message = JointState(name=['finger'], position=[0.04])
-            message.header.stamp = controller.get_clock().now().to_msg()  # as every controller does
+            # Every controller stamps its joint states with the present time.
+            message.header.stamp = controller.get_clock().now().to_msg()
             publisher.publish(message)
             time.sleep(PERIOD)
         since = time.monotonic()
@@ -295,7 +316,10 @@ def joint_states_end() -> list[Finding]:
 
 
 def opening_is_not_known() -> list[Finding]:
-    """No source gives the opening. No width may be reported, in particular not that of a closed gripper."""
+    """No source gives the gripper's opening.
+
+    Without an opening, no width may be reported, in particular not the width of a closed gripper.
+    """
     since = time.monotonic()
     with World() as world:
         world.hold()
@@ -320,7 +344,10 @@ def event_of_a_stale_skin() -> list[Finding]:
 
 
 def latched_event_is_no_present_one() -> list[Finding]:
-    """The object slips once by 1.5 taxels. `moving` must not report the slip for as long as `last_event`."""
+    """The object slips once by 1.5 taxels.
+
+    The field `moving` must not report the slip for as long as the field `last_event`.
+    """
     with World() as world:
         world.hold()
         since = time.monotonic()
@@ -341,7 +368,7 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
            held: dict, parameters: dict, **given: dict) -> Case:
     """Return a case in which ``spoil`` disturbs the data of the pads while the gripper node moves the gripper.
 
-    The gripper must stop, and a new goal to close must not move it.
+    The gripper must then stop, and a new goal to close must not move the gripper.
     """
     def case() -> list[Finding]:
         with World(held, **given) as world, ExitStack() as stack:
@@ -350,7 +377,8 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
             stack.callback(rclpy.try_shutdown)
             bench = GripperBench(stack, parameters={'max_age': MAX_AGE, 'fast_speed': 0.01, **parameters}, pads=None)
             begin(world, bench)
-            # A late frame stops the gripper for a moment, so on a busy machine it closes in steps even without a fault
+            # A late frame stops the gripper for a moment. On a busy machine, the gripper therefore closes in steps even
+            # without a fault.
             bench.until(lambda: bench.motor.moves and bench.motor.opening < START - 0.001,
                         'it does not close without a fault')
             since = time.monotonic()
@@ -373,13 +401,13 @@ def _moves(name: str, spoil: Callable[[World], None], bound: float, begin: Calla
 
 
 def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
-    """Return a case with a goal to close and no object."""
+    """Return a case in which the gripper has a goal to close and the pads touch no object."""
     return _moves(f'gripper_closes_while_{what}', spoil, bound, lambda _, bench: bench.client.send(position=0.0),
                   {'is_there': False}, {}, **given)
 
 
 def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:
-    """Return a case with a hold whose object yields, so that the gripper closes further until the fault stops it."""
+    """Return a case in which the held object yields, so that the gripper closes further until the fault stops it."""
     def begin(world: World, bench: GripperBench) -> None:
         world.hold()
         tries = (bench.close(position=0.0, effort=0.9 * world.latest('left')['force'])[2] for _ in range(TRIES))
@@ -390,9 +418,9 @@ def _presses(what: str, spoil: Callable[[World], None], bound: float, **given: d
                   {'hold': True, 'hold_travel': 0.05}, **given)
 
 
-MAX_AGE = 0.15  # parameter of the gripper node [s]
+MAX_AGE = 0.15  # value of the gripper node's parameter max_age [s]
 TRIES = 5
-STOPPED = MAX_AGE + PERIOD + 0.03  # allows for one more message and for the transport of a cancel [s]
+STOPPED = MAX_AGE + PERIOD + 0.03  # the sum allows for one more message and for the transport of a cancel request [s]
 LOST_ROWS = [tpdo.cob_id.of(NODE_IDS[0]) for tpdo in gripper_pads()[0].layout.tpdos[6:24]]
 CLOSING = (
     _closes('skin_freezes', lambda world: world.skin.set(is_frozen=True), FROZEN_AFTER + STOPPED,

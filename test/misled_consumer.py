@@ -1,8 +1,8 @@
-"""A consumer of our messages in a separate process. It prints each message on arrival as one line of JSON.
+"""A subscriber to our messages in a separate process. The consumer prints each message on arrival as one line of JSON.
 
     python test/misled_consumer.py grasp=grasp left=left/shape taxels=left/taxels status=skin_driver/status
 
-Like a planner on another machine, it uses only the message types and `InputAge` of the package.
+Like a planner on another machine, the consumer uses only the message types and `InputAge` from the package.
 """
 
 import json
@@ -21,7 +21,7 @@ from tactile_node.ros.message_age import InputAge
 from tactile_skin.msg import ContactShape, Grasp, SkinStatus, TaxelArray
 
 BEST_EFFORT = '--best-effort'
-DEPTH = 100  # length of the queue [messages]
+DEPTH = 100  # length of the subscription queue [messages]
 SHAPES = ('NOT_KNOWN', 'NONE', 'UNKNOWN', 'CIRCLE', 'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE')
 CONTACTS = ('NOT_KNOWN', 'UNSEEN', 'NO_CONTACT', 'ONE_SIDED', 'TWO_SIDED')
 SIDES = ('SIDE_NOT_KNOWN', 'SIDE_UNSEEN', 'SIDE_EMPTY', 'SIDE_TOUCHED')
@@ -65,7 +65,7 @@ def taxel_facts(message: TaxelArray) -> dict:
 
 
 def diagnostic_facts(message: DiagnosticArray) -> dict:
-    """Return the values of each node in the message, and those of them that are counts."""
+    """Return the diagnostic values of each node, and separately those values that are counts."""
     return {'nodes': {status.name: {value.key: value.value for value in status.values} for status in message.status},
             'counts': {status.name: {value.key: int(value.value) for value in status.values if value.value.isdigit()}
                        for status in message.status}}
@@ -104,13 +104,13 @@ def status_facts(message: SkinStatus) -> dict:
 
 
 def name_of(kind: type, names: tuple[str, ...], number: int) -> str:
-    """Return the name of a constant, or the number if this version of the message has no such constant."""
+    """Return the name of the constant with this number, or the number if no constant has it."""
     return next((name for name in names if getattr(kind, name, None) == number), str(number))
 
 
 KINDS = {'grasp': (Grasp, grasp_facts), 'shape': (ContactShape, shape_facts), 'taxels': (TaxelArray, taxel_facts),
          'status': (SkinStatus, status_facts),
-         'diagnostics': (DiagnosticArray, diagnostic_facts)}  # key: last part of the topic
+         'diagnostics': (DiagnosticArray, diagnostic_facts)}  # the key is the last part of the topic
 
 
 if __name__ == '__main__':

@@ -3,7 +3,7 @@
     python test/misled_skin.py /tmp/port '{"side": 7.0}'
 
 Each line on stdin is a command in JSON: {"set": {"is_frozen": true}}, {"lose": [417, 418]}, {"power_off": 48} or
-{"unplug": true}. After "lose", the adapter loses all CAN frames with these identifiers.
+{"unplug": true}. After "lose", the adapter loses all CAN frames with the given identifiers.
 """
 
 import fcntl
@@ -25,7 +25,7 @@ from tactile_node.simulator.world import Contact as Touching
 from tactile_node.skin.pads import LivePad, make_pads, with_dictionaries
 
 PADS, NODE_IDS, LAYOUT = ('left', 'right'), (32, 48), 'sim16x16.yaml'
-PITCH = 0.002  # pitch of the layout [m]
+PITCH = 0.002  # pitch of the layout sim16x16 [m]
 FULL_SCALE = 100e3  # [Pa]
 
 
@@ -34,16 +34,16 @@ def gripper_pads() -> tuple[LivePad, ...]:
 
 
 class Object:
-    """The held object. Every attribute may be changed while the skin runs."""
+    """The held object. Every attribute of the object may be changed while the skin runs."""
 
     def __init__(self, **attributes: Any):
-        self.side = 7.0  #: side of the square [taxels]
-        self.pressure = 0.5  #: [fraction of full scale]
+        self.side = 7.0  #: side of the square object [taxels]
+        self.pressure = 0.5  #: pressure of the object [fraction of full scale]
         self.angle = 0.2  #: [rad]
         self.is_there = True
-        self.x = 7.6  #: place of the centre if ``speed`` is 0 [taxels]
-        self.is_frozen = False  #: True if the skin repeats its last values
-        self.speed = 0.0  #: speed along x, starting in the left part of the pad [m/s]
+        self.x = 7.6  #: position of the object's centre if ``speed`` is 0 [taxels]
+        self.is_frozen = False  #: True if the skin keeps sending its last values
+        self.speed = 0.0  #: speed of the object along x, starting in the left part of the pad [m/s]
         self._began = time.monotonic()
         self._random = np.random.default_rng(5)
         self._last = {pad: np.zeros((16, 16)) for pad in PADS}
@@ -70,14 +70,17 @@ class Object:
 
 
 class LossyPort(SlcanPty):
-    """An adapter that loses the CAN frames with some identifiers."""
+    """An adapter that loses all CAN frames with the identifiers in ``lost_ids``."""
 
     def __init__(self, link: str):
         self.lost_ids: frozenset[int] = frozenset()
         super().__init__(link)
 
     def lose(self, can_ids: frozenset[int]) -> None:
-        """Lose frames with these identifiers. Returns after the host has read all earlier frames, which takes time."""
+        """From now on, lose all CAN frames with these identifiers.
+
+        The method returns only after the host has read all earlier frames, which takes time.
+        """
         self.lost_ids = can_ids
         waiting = array('i', [1])
         while waiting[0] or self._unsent:

@@ -1,4 +1,4 @@
-"""Patterns that many numerical tests share."""
+"""Patterns of taxels that many numerical tests share."""
 
 import numpy as np
 from scipy import ndimage
@@ -12,12 +12,12 @@ L_OF_THREE = np.array([[True, False], [True, True]])
 
 
 def rotated_patterns(mask: np.ndarray) -> np.ndarray:
-    """Return the pattern at each of the 46 angles, without the ring of inactive taxels around it."""
+    """Return the pattern at each of the 46 angles, without the surrounding ring of inactive taxels."""
     return with_rotated(mask)[1:, 1:-1, 1:-1]
 
 
 def box(row: int, col: int, rows: int, cols: int) -> np.ndarray:
-    """Return a rectangle on a pad of 16x16 taxels."""
+    """Return the mask of a rectangle on a pad of 16x16 taxels."""
     return (ROWS >= row) & (ROWS < row + rows) & (COLS >= col) & (COLS < col + cols)
 
 
@@ -27,7 +27,7 @@ def ring(rows: int = 12, inner: float = 3.3, outer: float = 5.5) -> np.ndarray:
 
 
 def specks(seed: int) -> np.ndarray:
-    """Return a random pattern, disconnected, with single taxels and holes."""
+    """Return a random, disconnected pattern with single taxels and holes."""
     rng = np.random.default_rng(seed)
     mask = rng.random(rng.integers(1, 10, 2)) < rng.uniform(0.2, 0.8)
     mask.flat[rng.integers(mask.size)] = True
@@ -35,7 +35,7 @@ def specks(seed: int) -> np.ndarray:
 
 
 def blob(seed: int) -> np.ndarray:
-    """Return a pattern of a few smooth islands."""
+    """Return a pattern that consists of a few smooth islands."""
     noise = np.random.default_rng(seed).random((11, 11))
     return ndimage.gaussian_filter(noise, 1.0) > 0.5
 

@@ -1,8 +1,8 @@
-"""Driver of another bus with the same names, which publishes both pads as seen and empty.
+"""Driver of another bus with the same node names, which publishes both pads as seen and empty.
 
     python test/rival_driver.py PERIOD
 
-Like a second robot on the same network, it shares only the message type with the package.
+Like a second robot on the same network, this driver shares only the message type with the package.
 """
 
 import sys
@@ -13,7 +13,7 @@ from builtin_interfaces.msg import Duration
 
 from tactile_skin.msg import TaxelArray
 
-SIDE = 16  #: Rows and columns of a pad.
+SIDE = 16  #: Number of rows and of columns of a pad.
 
 
 def main() -> None:

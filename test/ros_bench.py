@@ -1,4 +1,7 @@
-"""Nodes of a test on one executor, which the test spins while it waits. The fixture `ros` of conftest.py ends them."""
+"""Nodes of a test on one executor, which the test spins while it waits.
+
+The fixture `ros` in conftest.py destroys these nodes.
+"""
 
 import math
 import time
@@ -15,14 +18,14 @@ from rclpy.executors import Executor, SingleThreadedExecutor, TimeoutException
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_skin.msg import ContactFeatures, ContactShapes
 
-TIMEOUT = 60.0  #: Longest wait, long enough for a busy machine [s].
+TIMEOUT = 60.0  #: Time limit on a busy machine [s].
 
 
 class LeanExecutor(SingleThreadedExecutor):
     """A SingleThreadedExecutor without handlers of events such as "incompatible QoS".
 
-    rclpy prepares every entity for every wait, and half of the entities are such handlers. Tests with a TimedBench do
-    not need them.
+    rclpy prepares every entity for every wait, and event handlers are half of all entities. Tests with a TimedBench do
+    not need event handlers.
     """
 
     def __init__(self):
@@ -48,14 +51,14 @@ class _WithoutEvents:
 
 
 class RosBench:
-    """Nodes that end with ``stack``."""
+    """Nodes that are destroyed when ``stack`` is closed."""
 
     def __init__(self, stack: ExitStack, executor: Executor | None = None):
         self.stack, self.executor = stack, executor or SingleThreadedExecutor()
         stack.callback(self.executor.shutdown)
 
     def add(self, node: Any) -> Any:
-        """Add a node to the executor, or make a plain node of this name."""
+        """Add a node to the executor. If ``node`` is a name, a plain node of this name is created first."""
         node = rclpy.create_node(node, start_parameter_services=False) if isinstance(node, str) else node
         self.stack.callback(node.destroy_node)
         self.executor.add_node(node)
@@ -73,7 +76,10 @@ class RosBench:
             self.executor.spin_once(timeout_sec=0.01)
 
     def settle(self) -> None:
-        """Run callbacks until none is ready. A message between nodes of one process has arrived when it is sent."""
+        """Run callbacks until none is ready.
+
+        Between nodes of one process, a message arrives at the moment it is sent.
+        """
         is_busy = True
         while is_busy:
             is_busy = False
@@ -87,7 +93,7 @@ class RosBench:
 
 
 class VirtualTime:
-    """A steady clock that stands still until the test advances it, and the timers on it."""
+    """A steady clock that stands still until the test advances it, with the timers that use it."""
 
     def __init__(self) -> None:
         self.nanoseconds = 1000 * 10**9
@@ -103,7 +109,7 @@ class VirtualTime:
             timer.look()
 
     def of(self, kind: type) -> type:
-        """Return a node class like ``kind`` whose timers use this clock and end with the node."""
+        """Return a subclass of ``kind`` whose timers use this clock and are removed with the node."""
         def create_timer(node: Any, period: float, callback: Callable[[], None], clock: Clock) -> 'VirtualTimer':
             assert clock.clock_type == ClockType.STEADY_TIME, 'another clock stands still without /clock'
             self.timers.append(VirtualTimer(self, period, callback, node))
@@ -116,7 +122,7 @@ class VirtualTime:
 
 
 class VirtualTimer:
-    """The part of a timer of rclpy that the nodes use."""
+    """The part of an rclpy timer that our nodes use."""
 
     def __init__(self, clock: VirtualTime, period: float, callback: Callable[[], None], node: Any):
         self._clock = clock
@@ -138,9 +144,12 @@ class VirtualTimer:
 
 
 class TimedBench(RosBench):
-    """Nodes that share a clock. It advances by ``step`` [s] when all sent messages have arrived and are processed.
+    """Nodes that share one clock.
 
-    The clock is virtual, so that tests are exact even on a slow machine. With ``is_real_time``, it is the real clock.
+    The clock advances by ``step`` [s] once all sent messages have arrived and been processed.
+
+    The clock is virtual, so that tests are exact even on a slow machine. With ``is_real_time``, the clock is the real
+    steady clock.
     """
 
     def __init__(self, stack: ExitStack, step: float, executor: Executor | None = None, *, is_real_time: bool = False):
@@ -150,11 +159,11 @@ class TimedBench(RosBench):
         self.steady = time.monotonic if self.time is None else self.time.now
 
     def timed(self, kind: type) -> Callable[..., Any]:
-        """Return a function that makes a node of ``kind`` on this clock."""
+        """Return a function that creates a node of ``kind`` on this clock."""
         return kind if self.time is None else partial(self.time.of(kind), steady=self.steady)
 
     def on_step(self) -> None:
-        """Do the work of a step that belongs to no node."""
+        """Do the work of a clock step that belongs to no node."""
 
     def step(self) -> None:
         if self.time is None:
@@ -181,14 +190,14 @@ class TimedBench(RosBench):
 
 
 def features_fit(message: ContactFeatures) -> bool:
-    """Return True if pattern, state, contacts and features belong together."""
+    """Return True if the message's pattern, state, contacts and features are consistent."""
     touched = message.state == ContactFeatures.TOUCHED
     return (len(message.pattern) == message.rows * message.cols and any(message.pattern) == touched
             and bool(message.contacts) == bool(message.features) == touched)
 
 
 def shapes_fit(message: ContactShapes) -> bool:
-    """Return True if every shape is usable, and state and contacts belong together."""
+    """Return True if every shape in the message is usable, and the state matches the contacts."""
     touched = message.state == ContactShapes.TOUCHED
     return (len(message.shapes) <= message.contacts and bool(message.shapes) == bool(message.contacts) == touched
             and not any(map(check_contact_shape, message.shapes)))

@@ -1,8 +1,11 @@
-"""Stalls of skin, adapter or driver, after which they continue. Skin and serial adapter run in a separate process.
+"""Stalls of the skin, the adapter or the driver, each of which continues afterwards.
 
-`python test/stalls.py` is that process. Each taxel value shows the SYNC that it answers, so that tests find an old
-value with a current stamp. The process reads commands from its standard input. `hold` and `release` stop and continue
-the data from the adapter to the host. `report` prints the time at which each SYNC was answered.
+The skin and its serial adapter run in a separate process.
+
+`python test/stalls.py` starts the process of the skin and the adapter. Each taxel value encodes the SYNC that it
+answers, so that a test can detect an old value with a current stamp. The process of the skin reads commands from its
+standard input. The commands `hold` and `release` stop and continue the data from the adapter to the host. The command
+`report` prints the time at which the skin answered each SYNC.
 """
 
 import ctypes
@@ -32,8 +35,8 @@ from tactile_node.taxel_frame import TaxelFrame
 
 NODE_IDS = 32, 64
 STALLING = 'skin', 'adapter', 'driver'
-SETTLED = 2.5  #: Time in which a wrong report of two senders would follow [s].
-ALLOWED = 1.5  #: Time allowed from the end of a stall to the next taxels [s].
+SETTLED = 2.5  #: Time within which a wrong report of two senders would appear [s].
+ALLOWED = 1.5  #: Time limit from the end of a stall to the next taxels [s].
 
 
 def pads() -> tuple[LivePad, ...]:
@@ -41,11 +44,11 @@ def pads() -> tuple[LivePad, ...]:
 
 
 class HeldUpAdapter(SlcanPty):
-    """A serial adapter that can hold back its data to the host, and then sends all data at once."""
+    """A serial adapter that can hold back its data to the host, and then sends all held data at once."""
 
     def __init__(self) -> None:
         self._held: bytearray | None = None
-        self._order = threading.RLock()  # no data may overtake the data that is held back
+        self._order = threading.RLock()  # later data must not overtake the data that is held back
         super().__init__()
 
     def hold(self) -> None:
@@ -65,15 +68,15 @@ class HeldUpAdapter(SlcanPty):
 
 
 class StallBench:
-    """Context with two pads of 8x8 taxels, which keeps every published taxel frame."""
+    """Context manager for two pads of 8x8 taxels, which records every published taxel frame."""
 
     def __init__(self) -> None:
         self.log = CapturedLog()
-        self.kept: list[tuple[str, float, TaxelFrame]] = []  #: pad, time of publication [s, Unix epoch], frame
+        self.kept: list[tuple[str, float, TaxelFrame]] = []  #: pad, time of publication [s, Unix epoch] and frame
         self.publishing_again: float | None = None  #: time from the end of the stall to the next frame [s]
         self.detected: float | None = None  #: not measured
-        self.wrong_durations: list[str] = []  #: for `make faults`: a busy machine may be the cause
-        self._asked: list[float] = []  # stamps of the SYNC messages that were written
+        self.wrong_durations: list[str] = []  #: reported by `make faults` only, because a busy machine may be the cause
+        self._asked: list[float] = []  # stamps of the SYNC messages that the driver wrote
         self._stalled = 0.0, 0.0  # begin and end of the stall
 
     def __enter__(self) -> 'StallBench':
@@ -111,22 +114,26 @@ class StallBench:
 
     def stalled_driver(self, seconds: float) -> None:
         """Stop this process, while the skin continues."""
-        ctypes.PyDLL(None).usleep(round(1e6 * seconds))  # keeps the lock of the interpreter, so no thread runs
+        # This call keeps the interpreter's lock, so that no thread runs.
+        ctypes.PyDLL(None).usleep(round(1e6 * seconds))
 
     def stalled_skin(self, seconds: float) -> None:
-        """Stop the process of the skin, which then neither samples nor answers."""
+        """Stop the process of the skin, which then neither samples nor sends."""
         self._skin.send_signal(signal.SIGSTOP)
         time.sleep(seconds)
         self._skin.send_signal(signal.SIGCONT)
 
     def stalled_adapter(self, seconds: float) -> None:
-        """Hold back all data to the host and then send it at once, while skin and SYNC continue."""
+        """Hold back all data to the host and then send it at once, while the skin and SYNC continue."""
         self._tell('hold')
         time.sleep(seconds)
         self._tell('release')
 
     def assert_in_time(self, holds: bool) -> None:
-        """Assert ``holds`` for a skin that answers in time. Raises TooSlowError if the machine made the skin late."""
+        """Assert ``holds``, provided that the skin answered in time.
+
+        Raises TooSlowError if the skin was late because of the machine.
+        """
         if not holds:
             late = [number for number, at in self._answered().items() if at - self._asked[number - 1] > PUNCTUAL]
             raise (TooSlowError if late else AssertionError)(
@@ -150,7 +157,7 @@ class StallBench:
 
     @property
     def faults(self) -> set[NodeFault]:
-        """Faults that were logged."""
+        """Faults that were logged so far."""
         return {fact for fact in self.log.facts if isinstance(fact, NodeFault)}
 
     @property
@@ -185,7 +192,7 @@ class StallBench:
         print(line, file=self._skin.stdin, flush=True)
 
     def _answered(self) -> dict[int, float]:
-        """Return the time at which the skin answered each SYNC, without the SYNCs of the stall, which must be late."""
+        """Return the time at which the skin answered each SYNC, without the SYNCs during the stall."""
         self._tell('report')
         begun, ended = self._stalled
         return {number: at for number, at in json.loads(self._skin.stdout.readline())
@@ -198,7 +205,7 @@ class StallBench:
 
 
 def stall(part: str, seconds: float) -> Callable[[str], StallBench]:
-    """Return a fault for the catalogue: ``part`` of STALLING stops for ``seconds``."""
+    """Return a fault for the catalogue in which ``part`` of STALLING stops for ``seconds``."""
     def fault(_channel: str) -> StallBench:
         with StallBench() as bench:
             bench.stall(part, seconds)

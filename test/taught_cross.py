@@ -1,4 +1,7 @@
-"""A cross that is drawn without the generator of the package, and a model file that was taught 15 touches of it."""
+"""A cross that is drawn without the package's generator, and a model file that was taught this cross.
+
+The file was taught with 15 touches.
+"""
 
 from pathlib import Path
 
@@ -17,9 +20,9 @@ LOADS = 0, 0.3, 1, 1, 1, 1, 0.2, 0
 
 
 def cross(rng, arm=4.3, half=1.5):
-    """Return the pressures under two bars at a random angle and place, with mean 1.
+    """Return the pressures under two crossed bars at a random angle and position, with a mean of 1.
 
-    The coverage of each taxel is counted on FINE x FINE points.
+    The coverage of each taxel is sampled at FINE x FINE points.
     """
     step = (np.arange(PAD * FINE) + 0.5) / FINE - 0.5
     y, x = np.meshgrid(step, step, indexing='ij')
@@ -38,7 +41,7 @@ def disc(rng, radius=4.0):
 
 
 def held(rng, pressed, count):
-    """Yield frames of ``count`` touches [Pa], with a lift between two touches."""
+    """Yield the frames of ``count`` touches [Pa], with a lift between two touches."""
     frames = []
     for _ in range(count):
         covered = pressed(rng)
@@ -51,7 +54,7 @@ def rng_of(number):
 
 
 def third_of_background():
-    """Return a third of the background, which is fast and still distinguishes a cross from everything else."""
+    """Return every third sample of the background, which is fast and still tells a cross from everything else."""
     whole = load_background('graded')
     return Background(whole.patches[::3], whole.labels[::3])
 

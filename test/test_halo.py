@@ -1,4 +1,7 @@
-"""A cover of the skin may carry a load sideways. The contact ends at the edge of its own load."""
+"""A cover over the skin may spread a load to neighbouring taxels.
+
+The contact must end at the edge of the load itself, and not at the edge of the spread load.
+"""
 
 import numpy as np
 import pytest
@@ -13,9 +16,9 @@ BLOCK[3:9, 6:12] = True
 
 
 def carried(load, share, reach=3.0):
-    """Return the load that the cover carries to other taxels: ``share`` of it, falling with the cube of the distance.
+    """Return the load that the cover spreads to other taxels.
 
-    This profile differs from that of the code under test.
+    The spread part ``share`` falls with the cube of the distance. The code under test uses another profile.
     """
     y, x = np.mgrid[-12:13, -12:13]
     profile = (1 + (y * y + x * x) / reach ** 2) ** -1.5
@@ -23,7 +26,10 @@ def carried(load, share, reach=3.0):
 
 
 def quiet(shape):
-    """Return a pad at rest that reads nearly 0. With exact zeros, it could be an on/off pad."""
+    """Return the values of a pad at rest, which are close to 0.
+
+    With exact zeros, the pad could be taken for an on/off pad.
+    """
     frame = np.zeros(shape)
     frame[0, 0] = 1e-4
     frame[3, 3] = 2e-4

@@ -1,4 +1,7 @@
-"""Nodes in one process hand their results over by calls. The output is the same as with messages."""
+"""Within one process, nodes pass their results to each other by function calls.
+
+The published results must equal those of nodes that exchange messages.
+"""
 
 import importlib
 import os
@@ -54,7 +57,10 @@ def until(condition, timeout=TIMEOUT):
 
 
 class Process:
-    """The nodes of two pads in one process, and a listener in another context. The test supplies the frames."""
+    """Runs the nodes of two pads in one process, and a subscriber in another context.
+
+    The test supplies the taxel frames.
+    """
 
     def __init__(self, stack_nodes=(), **every):
         self.system = System(bus_nodes(['left', 'right'], driver={'autostart': False}, every=every)[:-1])
@@ -91,7 +97,7 @@ class Process:
 def pad_frame(sequence, press=True, up=0):
     """Return a frame of a pad whose finger ends at the first row.
 
-    The contact is moved ``up`` rows towards that end.
+    ``up`` is the number of rows by which the contact is moved towards that end.
     """
     values = 50e3 * (np.roll(PRESS, -up, 0) > 0) * press + np.random.default_rng(sequence).normal(0, 200, PRESS.shape)
     frame = TaxelFrame(1.7e9 + PERIOD * sequence, sequence, values, np.ones(PRESS.shape, np.uint8), 0)
@@ -105,14 +111,14 @@ def heard_by(node, kind, topic):
 
 
 def facts(message):
-    """Return all fields except the age."""
+    """Return all fields of the message except its age."""
     return {name: str(getattr(message, name)) for name in message.get_fields_and_field_types() if name != 'age'}
 
 
 def test_both_ways_give_the_same_results():
-    """Frames are handed over, and the same frames are sent as messages to separate nodes.
+    """One chain of nodes receives the frames by calls, and a second chain receives the same frames as messages.
 
-    The shapes are equal to the last bit.
+    Both chains must report bitwise equal shapes.
     """
     def drawn(number):
         return {'press': number > 5, 'up': 4 * (number > 15)}
@@ -132,7 +138,7 @@ def test_both_ways_give_the_same_results():
     with spinning((*nodes, peer)):
         until(lambda: publisher.get_subscription_count() and peer.count_subscribers('/left/contact')
               and nodes[1]._shapes._publisher.get_subscription_count())
-        time.sleep(0.5)  # The processor's publisher and the classifier need this time to discover each other.
+        time.sleep(0.5)  # The processor's publisher and the classifier need time to discover each other.
         for number in range(1, 21):
             publisher.publish(taxel_array_message(pad_frame(number, **drawn(number))))
             until(lambda number=number: len(by_message) == number)
@@ -148,7 +154,7 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
     with Process() as process:
         grasps = heard_by(process.peer, GraspSides, '/grasp_sides')
         processors = [process.input(f'/{pad}/processor') for pad in ('left', 'right')]
-        # Each frame waits until the previous one is processed, so that a busy machine drops none.
+        # Each frame waits for the previous one, so that a busy machine drops none.
         for number in range(1, 31):
             process.send()
             until(lambda number=number: all(stage.counts.processed == number for stage in processors))
@@ -161,7 +167,8 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
             assert not stages[1].counts.dropped and not stages[1].counts.skipped
         assert grasps and {side.class_name for side in grasps[-1].sides} == {'square'}
         assert max(side.age.sec + side.age.nanosec * 1e-9 for side in grasps[-1].sides) < 1.0
-        for side in grasps[-1].sides:  # These values are computed when they are read, also for `grasp_sides`.
+        # The lengths of the bounding box are computed when they are read, also for `grasp_sides`.
+        for side in grasps[-1].sides:
             assert list(side.box_lengths) == pytest.approx([7 * 0.004, 7 * 0.004], abs=0.004)
 
 
@@ -175,7 +182,7 @@ def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
         for _ in range(10):
             process.send()
             time.sleep(PERIOD)
-        # A busy machine may skip frames here or at the processor. Frames that the processor skips are missing here.
+        # A busy machine may skip frames in these stages, or earlier in the processor.
         until(lambda: good.counts.processed + good.counts.overtaken + good.counts.skipped == 10)
         until(lambda: failing.counts.dropped.get(RejectReason.PROCESSING_FAILED, 0) + failing.counts.overtaken
               + failing.counts.skipped == 10)
@@ -183,7 +190,10 @@ def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
 
 
 def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
-    """Like a subscription, the slot keeps the newest frames. Dropped frames leave gaps in the sequence."""
+    """Like a subscription, the slot of a blocked stage keeps only the newest frames.
+
+    Dropped frames leave gaps in the sequence.
+    """
     blocked = 5.0 if os.environ.get('TACTILE_LONG') else 1.0
     with Process(queue_depth=10) as process:
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
@@ -206,7 +216,7 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
 
 
 def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
-    """Otherwise, a slightly slow stage in another process would be delayed by the whole queue for ever."""
+    """If a slow stage took the oldest message first, the stage would lag by the whole queue for ever."""
     node, peer = ProcessorNode(namespace='/left'), rclpy.create_node('peer')
     publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
     until(lambda: publisher.get_subscription_count() > 0)
@@ -229,7 +239,10 @@ def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
 
 
 def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
-    """Otherwise no grasp would have both pads of its SYNC. The other pad's next contact would come in between."""
+    """If the newer contact came first, the next contact of the other pad would be processed in between.
+
+    No grasp would then have both pads of one SYNC.
+    """
     process, answered = Process(), []
     try:
         for pad in ('left', 'right'):
@@ -245,7 +258,7 @@ def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
 
 
 def test_what_only_viewers_read_is_made_after_the_shapes_of_both_pads():
-    """Images and features take as long as a shape, and a planner waits for the shape."""
+    """Computing images and features takes as long as computing a shape, and a planner waits for the shape."""
     process, made = Process(), []
     try:
         for pad in ('left', 'right'):
@@ -262,7 +275,7 @@ def test_what_only_viewers_read_is_made_after_the_shapes_of_both_pads():
 
 
 def test_a_stage_postpones_only_what_something_subscribes_to(monkeypatch):
-    """Otherwise, each of 50 frames per second would create a task and a closure that nobody needs."""
+    """Without subscribers, 50 frames per second would each create a task and a closure that nobody needs."""
     postponed = []
     monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish: postponed.append(stage.topic))
     with Process() as process:
@@ -316,7 +329,10 @@ def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(m
 
 
 def test_a_bag_that_records_everything_changes_no_count():
-    """Every message is published for the bag. The stages still hand over, and receive none of the messages."""
+    """Every message is published for the bag.
+
+    The stages still pass results by calls, and receive none of the published messages.
+    """
     with Process() as process:
         topics = {name: kind for name, kind in frame_topics(['left', 'right']).items() if not name.endswith('taxels')}
         heard = {name: heard_by(process.peer, getattr(importlib.import_module(f'{package}.msg'), kind), name)

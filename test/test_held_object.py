@@ -1,4 +1,4 @@
-"""The conclusion from two faces: known answers by hand, random draws, and sides that contradict each other."""
+"""Fusing the faces seen by both pads: hand-calculated results, random draws, and sides that contradict each other."""
 
 import os
 from math import atan2, cos, isnan, nan, pi, radians, sin
@@ -16,15 +16,16 @@ SYMMETRY = dict(zip(CLASSES, (0, 4, 2, 1, 1)))
 SIZES = {'circle': ('radius',), 'square': ('side',), 'rectangle': ('long', 'short'),
          'right_triangle': ('long_leg', 'short_leg'), 'isosceles_triangle': ('base', 'height')}
 DEFAULT = Gripper()
-#: Both pads are turned about the closing direction, which is the gripper's y axis: by -90 degrees, and by any angle.
+#: Both pads are rotated about the closing direction, which is the gripper's y axis. One is rotated by -90 degrees, the
+#: other by an arbitrary angle.
 TURNED = Gripper(PadPose((0.0, 0.0, 0.0), (-pi / 2, 0.0, 0.0)), PadPose((0.01, 0.0, 0.02), (pi / 2, 2.1, 0.0)))
-#: Pads that do not quite face each other.
+#: The two pads do not quite face each other.
 OBLIQUE = Gripper(PadPose((0.001, 0.0, 0.0), (0.1, 0.05, 0.3)), PadPose((0.0, 0.03, 0.0), (pi - 0.1, 0.0, 0.0)))
 GRIPPERS = {'default': DEFAULT, 'turned': TURNED}
 
 
 def probabilities(name='square', confidence=1.0, unknown=0.0):
-    """Return the class probabilities; the other classes share the rest."""
+    """Return the class probabilities, where the classes other than ``name`` share the remainder equally."""
     others = (1.0 - confidence - unknown) / (len(CLASSES) - 1)
     return {**dict.fromkeys(CLASSES, others), name: confidence, 'none': 0.0, 'unknown': unknown}
 
@@ -55,9 +56,9 @@ def of_classes(left, right):
 
 
 def test_two_faces_of_half_a_chance_are_as_likely_as_by_hand():
-    """Both sides give circle 0.5 and square 0.5, out of five classes.
+    """Of five classes, both sides give circle and square a probability of 0.5 each.
 
-    Equal faces weigh 0.9 * (1/4 + 1/4), and two different faces weigh 0.1 / 4 * 1/2.
+    Equal faces have the weight 0.9 * (1/4 + 1/4), and two different faces have the weight 0.1 / 4 * 1/2.
     """
     half = {'circle': 0.5, 'square': 0.5, 'rectangle': 0.0, 'right_triangle': 0.0, 'isosceles_triangle': 0.0}
     assert SAME_FACES == 0.9
@@ -105,9 +106,9 @@ def test_what_sure_sides_say_does_not_hang_on_the_prior(same, monkeypatch):
 
 @pytest.mark.slow
 def test_confidences_are_frequencies():
-    """Faces are drawn from the model, and each side is right as often as it claims.
+    """Faces are drawn from the model, and each side is correct as often as its confidence claims.
 
-    Answers with a confidence of 80 % must be right in 80 % of the cases.
+    Of the classes reported with a confidence of 80 %, 80 % must be correct.
     """
     rng = np.random.default_rng(3)
     claimed, right = [], []
@@ -116,7 +117,8 @@ def test_confidences_are_frequencies():
         left = rng.integers(5)
         true = left, left if rng.random() < SAME_FACES else (left + rng.integers(1, 5)) % 5
         said = []
-        for index in true:  # A side names the true class with probability 0.7, otherwise one of the others.
+        # A side reports the true class with probability 0.7, and otherwise one of the other classes.
+        for index in true:
             name = CLASSES[index if rng.random() < 0.7 else (index + rng.integers(1, 5)) % 5]
             said.append(probabilities(name, 0.7))
         name, confidence = of_classes(*said)
@@ -129,9 +131,9 @@ def test_confidences_are_frequencies():
 # Sizes.
 
 def test_sizes_are_weighted_by_their_variances():
-    """20.0 +- 0.1 mm and 20.3 +- 0.2 mm give 20.06 mm.
+    """The weighted mean of 20.0 +- 0.1 mm and 20.3 +- 0.2 mm is 20.06 mm.
 
-    The standard deviation is sqrt(0.01 * 0.04 / 0.05) mm times sqrt(0.09 / 0.05).
+    The standard deviation of this mean is sqrt(0.01 * 0.04 / 0.05) mm times sqrt(0.09 / 0.05).
     """
     found = held(face(dimensions=(0.0200,)), face(dimensions=(0.0203,), dimension_sds=(0.0002,)))
     assert found.dimension_names == ('side',) and found.dimension_is_bound == (False,)
@@ -148,7 +150,7 @@ def test_a_side_of_another_class_or_without_a_fit_gives_no_size():
 
 
 def test_sizes_of_other_names_are_not_joined():
-    """If the nodes of one side have another version, a class may have other sizes there."""
+    """If the nodes of one side run another version, they may report other dimensions for a class."""
     found = held(face(), face(dimension_names=('width', 'height'), dimensions=(0.03, 0.02), dimension_sds=(1e-4,) * 2,
                               dimension_is_bound=(False,) * 2))
     assert (found.dimension_names, found.dimensions, found.dimension_is_bound) == (('side',), (0.02,), (False,))
@@ -174,10 +176,11 @@ def angle_on(pad, direction):
 
 
 def faces_of(name, yaw, gripper, noise=(0.0, 0.0), **changes):
-    """Return the faces of one prism on both pads; the left pad sees its outline at ``yaw``.
+    """Return the faces of one prism on both pads, where the left pad sees the outline at the angle ``yaw``.
 
-    The geometry is written independently of the package. The x axis of the isosceles triangle is a quarter turn before
-    its apex, in each pad's own sense. All other outlines have their x axis along an edge.
+    The geometry in this function is written independently of the package. In each pad's own sense of rotation, the x
+    axis of the isosceles triangle lies a quarter turn before its apex. All other outlines have their x axis along an
+    edge.
     """
     left, right = gripper.left, gripper.right
     x = left.rotation[:, :2] @ (cos(yaw), sin(yaw))
@@ -202,9 +205,10 @@ def test_both_faces_of_a_prism_have_one_yaw(name, yaw, gripper):
 
 
 def test_the_default_pads_mirror_angles_as_by_hand():
-    """The right pad is turned by half a turn about x.
+    """The right pad is rotated by half a turn about x.
 
-    An edge at 20 degrees is at -20 degrees there. An apex at 110 degrees (x at 20) is at -110 degrees.
+    On the right pad, an edge at 20 degrees appears at -20 degrees. On the right pad, an apex at 110 degrees (x at 20)
+    appears at -110 degrees.
     """
     angle = radians(20)
     assert held(face('rectangle', angle=angle), face('rectangle', angle=-angle)).yaw == pytest.approx(angle)
@@ -233,7 +237,7 @@ def test_right_faces_alone_are_seen_as_by_the_left_pad():
 def test_yaws_that_contradict_each_other_are_none(sds, apart, is_known):
     found = held(face(angle=0.0, angle_sd=sds), face(angle=-apart, angle_sd=sds))
     assert isnan(found.yaw) == isnan(found.yaw_sd) != is_known and found.symmetry == 4
-    if is_known:  # The standard deviation grows by the Birge ratio, which is apart / (sqrt(2) sds) here.
+    if is_known:  # The Birge ratio, here apart / (sqrt(2) sds), widens the standard deviation.
         assert found.yaw == pytest.approx(apart / 2) and found.yaw_sd == pytest.approx(apart / 2)
 
 
@@ -290,22 +294,23 @@ def test_a_force_that_is_not_known_grips_with_none_that_is(changes):
         assert np.isnan((found.grip_force, found.grip_force_sd, found.force_imbalance)).all()
 
 
-# Tilt of the faces.
+# Slopes of the faces.
 
 @pytest.mark.parametrize('gripper', GRIPPERS.values(), ids=GRIPPERS)
 @pytest.mark.parametrize('turn', [(0.1, 0.0), (0.0, -0.2), (0.15, 0.1)])
 def test_faces_lean_as_the_object_is_turned(gripper, turn):
-    """Two parallel planes are turned about the left pad's x and y by small angles.
+    """Two parallel planes are tilted by small angles about the left pad's x and y axes.
 
-    Their depth in each pad is computed by hand. The planes are z = -l and z = l along the left pad's z. Only ``turn`` x
-    place changes the depth: the left pad reads more where the plane is lower.
+    The expected depth in each pad is worked out by hand. The planes are z = -l and z = l along the left pad's z axis.
+    Only the cross product of ``turn`` and the position changes the depth: the left pad reads more where the plane is
+    lower.
     """
     rate = 3e6  # Pressure per depth [Pa/m].
     x, y = gripper.left.rotation[:, 0], gripper.left.rotation[:, 1]
     rotation = turn[0] * x + turn[1] * y
     slopes = []
     for pad in (gripper.left, gripper.right):
-        # Movement of a place that is 1 m along the pad's axis.
+        # Displacement of the point that lies 1 m along the pad's axis.
         moved = [np.cross(rotation, pad.rotation[:, axis]) for axis in (0, 1)]
         slopes.append(tuple(-rate * float(each @ pad.normal) for each in moved))
     found = held(*(face(slope=slope) for slope in slopes), gripper)
@@ -314,7 +319,7 @@ def test_faces_lean_as_the_object_is_turned(gripper, turn):
 
 
 def test_a_wedge_that_both_pads_feel_alike_leans_nowhere():
-    """The faces rise to one side, so no rotation makes both flat."""
+    """Both faces rise towards the same side, so no rotation makes both flat."""
     assert held(face(slope=(1e6, 0.0)), face(slope=(1e6, 0.0))).lean == pytest.approx((0.0, 0.0))
 
 
@@ -336,9 +341,9 @@ def test_nothing_known_claims_nothing():
 @pytest.mark.parametrize('gripper', GRIPPERS.values(), ids=GRIPPERS)
 @pytest.mark.parametrize('name', CLASSES[1:])
 def test_true_values_are_within_two_deviations_as_often_as_they_should_be(name, gripper):
-    """For normal errors the share is 95.4 %.
+    """For normally distributed errors, 95.4 % of the values lie within two standard deviations.
 
-    It is larger if two results disagree by chance, because the Birge ratio then widens the deviation.
+    The share is larger if two results disagree by chance, because the Birge ratio then widens the standard deviation.
     """
     rng, inside, widths = np.random.default_rng(7), [], []
     for _ in range(2000 if LONG else 1000):
@@ -354,4 +359,4 @@ def test_true_values_are_within_two_deviations_as_often_as_they_should_be(name, 
         inside.append((off <= 2 * found.yaw_sd, abs(found.dimensions[0] - size) <= 2 * found.dimension_sds[0]))
         widths.append(found.dimension_sds[0] / np.sqrt(1 / np.sum(size_sds**-2.0)))
     assert np.all(np.mean(inside, axis=0) >= 0.95) and np.all(np.mean(inside, axis=0) <= 0.99)
-    assert np.mean(widths) < 1.3  # The deviation must not be right only because it is wide.
+    assert np.mean(widths) < 1.3  # The standard deviation must not pass the checks above only because it is too wide.

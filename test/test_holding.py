@@ -1,6 +1,6 @@
-"""Holding with a force.
+"""Holding an object with a constant force.
 
-The tests have a spring of creeping rubber between two pads, sensor noise, and a gripper that moves in steps.
+The tests simulate a piece of creeping rubber between two pads, sensor noise, and a gripper that moves in steps.
 """
 
 import math
@@ -17,17 +17,18 @@ from tactile_node.grasp.tracker import GraspContact
 FORCE = 5.0          # N
 PERIOD = 0.02        # s
 LOOK = 0.005         # s
-# Together these two delays [s] are less than the latency.
+
+# The sum of these two delays [s] is less than the latency.
 SEEN_AFTER = 0.02
 OBEYS_AFTER = 0.015
 LIMITS, HOLD = TouchLimits(), HoldLimits()
 
 
 class Spring:
-    """The held object, a spring of ``stiffness`` [N/m].
+    """A held object that acts as a spring of ``stiffness`` [N/m].
 
-    The gripper moves in whole steps of ``step`` [m]. The sensor noise is at most ``noise`` [N]. ``give`` returns how
-    much thinner the object has become by a time [m].
+    The gripper moves in whole steps of ``step`` [m]. The sensor noise is at most ``noise`` [N]. ``give(now)`` returns
+    by how much the object has become thinner [m].
     """
 
     def __init__(self, stiffness=1000.0, step=HOLD.gripper_step, noise=0.0, give=lambda now: 0.0, seed=0):
@@ -51,9 +52,10 @@ class Spring:
         return self.change(Touch(self.now, True, contact, pads, force_sd=self.noise / 4), self.now)
 
     def hold(self, seconds, holding, knows_opening=True):
-        """Follow the force; return the outcome.
+        """Run the control for ``seconds`` and return its outcome.
 
-        Commands and frames are late. The gripper rests as soon as it has stopped.
+        The simulation delays commands and frames. The simulated gripper reports itself at rest as soon as it has
+        stopped.
         """
         end, commands, frames, outcome = self.now + seconds, [], [(self.now, self.touch())], None
         while self.now < end and outcome is None:
@@ -90,9 +92,9 @@ def test_a_force_that_stays_moves_nothing():
 
 @pytest.mark.parametrize(('stiffness', 'creep'), [(1000.0, 0.002), (300.0, 0.004)])
 def test_rubber_that_creeps_is_followed_within_the_deadband(stiffness, creep):
-    """The rubber gives way by ``creep`` [m], at first fast.
+    """The rubber creeps by ``creep`` [m], fast at first and slower later.
 
-    Without corrections, the force would fall by 2 N and 1.2 N.
+    Without corrections, the force would fall by 2 N in the first case and by 1.2 N in the second.
     """
     spring = Spring(stiffness, noise=0.05, give=lambda now: creep * (1 - math.exp(-now / 5)))
     control = holding()
@@ -103,7 +105,7 @@ def test_rubber_that_creeps_is_followed_within_the_deadband(stiffness, creep):
 
 
 def test_what_swells_is_eased_off_by_what_it_has_been_pressed_and_no_more():
-    """The object gives way by 1 mm, returns, and then grows by 3 mm."""
+    """The object shrinks by 1 mm, returns to its size, and then grows by 3 mm."""
     spring = Spring(give=lambda now: 0.001 if now < 10 else 0.001 - 0.0005 * (now - 10))
     control = holding()
     spring.hold(9.0, control)
@@ -112,7 +114,7 @@ def test_what_swells_is_eased_off_by_what_it_has_been_pressed_and_no_more():
     assert spring.hold(10.0, control) is None
     assert spring.corrections.count('closes') == 1
     assert spring.opening == pytest.approx(spring.first, abs=HOLD.gripper_step)
-    # The gripper opens no wider than at its first stop, because the object may be heavy.
+    # The gripper opens no wider than at its first stop, because it may carry a heavy object.
     assert spring.forces[-1] > FORCE + 2
 
 
@@ -137,12 +139,14 @@ def test_without_a_measured_opening_it_never_opens():
 @pytest.mark.parametrize('noise', [0.0, 0.4])
 @pytest.mark.parametrize('offset', [-3.0, 3.0])
 def test_no_correction_causes_another(stiffness, step, noise, offset):
-    """All corrections must have the same direction, whatever the step. ``offset`` [N] is the force to correct.
+    """All corrections must have the same sign, whatever the size of a gripper step.
 
-    At the stiffness of the limits, one correction must be enough. The steps change the force by up to 1 N, which is
-    larger than any other effect here.
+    ``offset`` [N] is the error of the force that the control must correct.
+
+    At the stiffness that the limits assume, one correction must be enough. One gripper step changes the force by up to
+    1 N, which is larger than any other effect in this test.
     """
-    limits = TouchLimits(highest_force=5.0)  # The low limit also allows the control to ease off.
+    limits = TouchLimits(highest_force=5.0)  # With this low limit, the control may also reduce the force.
     spring = Spring(stiffness, step, noise, give=lambda now: -offset / stiffness)
     control = Holding(make_goal(0.0, 0.0, FORCE, limits), limits, HoldLimits(step, 0.05), 0.0, spring.first)
     assert spring.hold(20.0, control) is None
@@ -160,7 +164,7 @@ def test_where_the_step_is_larger_than_declared_its_travel_ends_it():
     assert len(spring.corrections) > 2
 
 
-# With this touch the gripper should close.
+# For this touch, the control should close the gripper.
 SEEN = Touch(0.0, True, GraspContact.TWO_SIDED, (PadForce(2.0), PadForce(2.0)))
 
 
@@ -206,10 +210,11 @@ def test_the_same_touch_when_it_is_trusted_is_followed():
 
 
 @pytest.mark.parametrize(('pads', 'speed'), [
-    ((PadForce(4.0, is_bound=True), PadForce(2.0)), 0.0),  # The force may be up to 8 N.
-    ((PadForce(1.5, is_bound=True), PadForce(1.5)), LIMITS.slow_speed),  # The force is at most 3 N.
+    ((PadForce(4.0, is_bound=True), PadForce(2.0)), 0.0),  # A lower bound of 4 N allows a force of up to 8 N.
+    # Lower bounds of 1.5 N allow a force of at most 3 N.
+    ((PadForce(1.5, is_bound=True), PadForce(1.5)), LIMITS.slow_speed),
     ((PadForce(4.9), PadForce(1.0)), 0.0),  # The stronger pad sets the limit.
-    ((PadForce(9.0), PadForce(4.9)), 0.0)])  # A load pushes on one pad.
+    ((PadForce(9.0), PadForce(4.9)), 0.0)])  # A load pushes the object against one pad.
 def test_it_closes_by_what_may_be_most_and_opens_by_what_is_at_least(pads, speed):
     control = holding(opening=0.05)
     look(control, 0.5, SEEN._replace(acquired=0.5, pads=pads))
@@ -220,7 +225,8 @@ def test_a_gripper_that_moves_still_is_waited_for_and_what_was_seen_before_it_st
     control = holding()
     control.look(0.5, SEEN._replace(acquired=0.5), 0.04, is_still=False)
     assert control.speed == 0.0
-    look(control, 0.55, SEEN._replace(acquired=0.55))  # The frame is younger than the latency.
+    # A frame that was acquired so soon after the stop, within the latency, must not be used.
+    look(control, 0.55, SEEN._replace(acquired=0.55))
     assert control.speed == 0.0
     look(control, 0.57, SEEN._replace(acquired=0.57))
     assert control.speed > 0
@@ -234,14 +240,15 @@ def test_what_is_not_held_by_both_pads_is_not_followed_and_ends_it(contact, pads
     look(control, 0.5, SEEN._replace(acquired=0.5))
     assert control.speed > 0
     gone = SEEN._replace(contact=contact, pads=pads)
-    assert look(control, 0.55, gone._replace(acquired=0.55)) is None and control.speed == 0.0  # This may be a bounce.
+    # The missing contact may be a bounce.
+    assert look(control, 0.55, gone._replace(acquired=0.55)) is None and control.speed == 0.0
     assert look(control, 0.61, gone._replace(acquired=0.61)) is end
 
 
 def test_its_travel_ends_it_also_where_the_opening_does_not_change():
-    """A gripper may press without moving, or relax whenever it is stopped.
+    """A gripper may press without moving, or relax each time it is stopped.
 
-    Without the limit, it would press for ever.
+    Without a limit on its travel, this gripper would press for ever.
     """
     spring = Spring(give=lambda now: 0.0002 * now)
     assert spring.hold(60.0, holding()) is Outcome.HOLD_ENDED
@@ -252,7 +259,7 @@ def test_its_travel_ends_it_also_where_the_opening_does_not_change():
     assert now == pytest.approx(0.1 + 0.005 / LIMITS.slow_speed, abs=0.02) and control.speed == 0.0
     fast = holding()
     look(fast, 0.1, SEEN._replace(acquired=0.1))
-    # The gripper has moved faster than commanded.
+    # The gripper moved faster than its commanded speed.
     assert look(fast, 0.12, SEEN._replace(acquired=0.12), 0.034) is Outcome.HOLD_ENDED
 
 
@@ -270,7 +277,7 @@ def test_to_sliding_it_answers_with_a_step_now_and_then_up_to_the_highest_force(
     pauses = np.diff([at for at, _ in steps])
     assert pauses[0] >= SWAY_TIME and min(pauses[1:]) >= SLIDE_PAUSE - 0.1
     assert spring.forces[-1] == pytest.approx(6.5, abs=control.deadband)
-    assert len(spring.corrections) >= 4  # Each step is answered, although it is less than the deadband.
+    assert len(spring.corrections) >= 4  # Each step is corrected, although it is smaller than the deadband.
 
 
 def test_without_the_parameter_sliding_changes_nothing():
@@ -282,7 +289,7 @@ def test_without_the_parameter_sliding_changes_nothing():
 
 @pytest.mark.parametrize(('frequency', 'is_answered'), [(6.0, False), (2.0, False), (0.5, True)])
 def test_to_an_object_that_sways_on_a_shaken_hand_it_does_not_answer(frequency, is_answered):
-    """The object moves back and forth across both pads. Movement in one direction for 1 s is a slide."""
+    """The object moves back and forth along both pads. Only a movement in one direction for 1 s counts as a slide."""
     def swaying(touch, now):
         turn = math.pi * (math.sin(2 * math.pi * frequency * now) < 0)
         return touch._replace(slides=(math.pi / 2 - turn, turn - math.pi / 2))
@@ -290,7 +297,7 @@ def test_to_an_object_that_sways_on_a_shaken_hand_it_does_not_answer(frequency, 
 
 
 def answered_to(change):
-    """Return the force that is held after 3 s with the slides from ``change``."""
+    """Return the holding force after 3 s of touches whose slides are set by ``change``."""
     spring, control = Spring(), holding(slide_force_step=0.3)
     spring.change = change
     assert spring.hold(3.0, control) is None
@@ -298,7 +305,7 @@ def answered_to(change):
 
 
 @pytest.mark.parametrize('ways', [
-    [(1.0, 1.1, (1.0, math.nan)), (1.1, 1.5, (1.0 - math.pi, math.nan))],  # One movement there and back.
+    [(1.0, 1.1, (1.0, math.nan)), (1.1, 1.5, (1.0 - math.pi, math.nan))],  # The object moves there and back once.
     [(1.0, 1.4, (1.0, math.nan)), (1.4, 1.8, (math.nan, math.nan)), (1.8, 2.2, (1.0, math.nan))]], ids=['sway', 'two'])
 def test_a_short_slide_is_not_answered_though_its_report_outlasts_it(ways):
     assert answered_to(lambda touch, now: next(

@@ -1,8 +1,8 @@
-"""Driver and planner on two hosts: the traffic on the link, and the view of a consumer while the cable is pulled.
+"""Run driver and planner on two hosts, measure the traffic on their link, and pull the cable in between.
 
-Run these tests with `make hosts`. The hosts find each other by address; in test_link.py they use a discovery server.
-With TACTILE_LONG both ways are tested, each side is restarted, and durations are asserted. two_hosts.py provides the
-link and the hosts.
+Run these tests with `make hosts`. The hosts find each other by address, whereas test_link.py uses a discovery server.
+With TACTILE_LONG, the tests use both ways of discovery, restart each side, and assert durations. two_hosts.py provides
+the link and the hosts.
 """
 
 import os
@@ -26,12 +26,12 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
 PERIOD = 0.08  # Time between two frames [s], long enough for a busy machine.
-WITHDRAWN = max(0.1, 3 * PERIOD)  # Time in which freshness must be withdrawn [s].
+WITHDRAWN = max(0.1, 3 * PERIOD)  # Time limit for withdrawing `fresh` [s].
 TAXELS = 256
-VALUE_BYTES = 4  # Bytes for each taxel in TaxelArray.
+VALUE_BYTES = 4  # Bytes per taxel in TaxelArray.
 FRAMES = 20
 RIVAL = Path(__file__).with_name('rival_driver.py')
-WAYS = [False, True]  # True stands for a discovery server.
+WAYS = [False, True]  # True selects a discovery server, False static addresses.
 
 
 def name_of(has_server: bool) -> str:
@@ -49,7 +49,7 @@ def world(request) -> Iterator[HostsWorld]:
             found.has_server = request.param
             yield found
     except NoHostsError as error:
-        # pytest shows this warning even where it hides skips.
+        # pytest prints this warning even if it does not print the reasons for skipped tests.
         warnings.warn(f'NOT TESTED on two hosts: {error}', stacklevel=1)
         pytest.skip(f'NOT TESTED on two hosts: {error}')
 
@@ -70,11 +70,11 @@ def test_every_frame_arrives_as_the_shape_or_is_counted(world):
     latest_sent = world.here_records[-1]['sequence']
     world.wait(lambda: world.latest('left')['sequence'] >= latest_sent, 'the shape of the latest frame')
     shapes = world.received('left', since)
-    # A busy machine reads some TPDOs too late for their sweep. Their taxels are then hidden.
+    # A busy machine reads some TPDOs too late for their sweep, and the taxels of these TPDOs are then hidden.
     assert {seen(shape) for shape in shapes} <= {('SQUARE', 'NOT_UNKNOWN'), ('UNKNOWN', 'NOT_SEEN')}
     if not any(seen(shape) == ('SQUARE', 'NOT_UNKNOWN') for shape in shapes):
         raise world.failure('no shape of all was seen whole')
-    # The data of both pads must use the link, not shared memory or another network.
+    # The data of both pads must cross the link, and must not take shared memory or another network.
     assert world.hosts.octets() - octets > 2 * TAXELS * VALUE_BYTES * (len(shapes) - 3)
     world.wait(lambda: skipped() - reported >= missing(shapes), 'what is missing to be counted')
 
@@ -84,14 +84,14 @@ def seen(record) -> tuple[str, str]:
 
 
 def held(record) -> bool:
-    """Return True if the record states that an object is held now."""
+    """Return True if the record states that an object is held at present."""
     return current(record) and record['contact'] in ('ONE_SIDED', 'TWO_SIDED')
 
 
 def is_new(record) -> bool:
-    """Return True if the age on arrival shows that the record is current.
+    """Return True if the age of the record on arrival is within the limit.
 
-    The age includes delays on the way.
+    The age includes all delays between the hosts.
     """
     return record['age'] is not None and record['age'] <= WITHDRAWN + PERIOD
 
@@ -103,7 +103,7 @@ def wait_for_no_contact(world) -> None:
 
 @first_way
 def test_a_pulled_cable_misleads_no_consumer(world):
-    """Frames that were under way when the cable was pulled must not mislead either.
+    """Frames that were in transit when the cable was pulled must not mislead a consumer.
 
     The object is removed before the cable is plugged in again.
     """
@@ -131,9 +131,10 @@ def test_a_pulled_cable_misleads_no_consumer(world):
 
 @first_way
 def test_a_reader_that_stops_holds_up_no_driver(world):
-    """All nodes of the other host stand still while the object is removed.
+    """All nodes of the other host are stopped while the object is removed.
 
-    One message may be delayed between its decision and its sending. It says fresh, but its reader finds that it is old.
+    One message may be delayed after the node has marked it fresh and before it is sent. The reader of this message sees
+    from its age that it is old.
     """
     world.hold()
     thinking = world.bringups['thinking'].pid
@@ -165,7 +166,10 @@ def test_services_actions_and_reports_reach_the_other_host(world):
 
 @first_way
 def test_a_driver_of_the_same_name_on_another_host_is_not_believed(world):
-    """The other driver may belong to another robot in the same domain. Its pads are empty, and ours hold an object."""
+    """A second driver may belong to another robot in the same domain.
+
+    The second driver's pads are empty, while our pads hold an object.
+    """
     def dropped() -> int:
         return int(world.values['/left/processor']['dropped_other_source'])
     world.hold()
@@ -178,14 +182,14 @@ def test_a_driver_of_the_same_name_on_another_host_is_not_believed(world):
             world.wait(lambda: not current(world.latest('grasp')), 'no grasp to be current')
             time.sleep(1.0)
             finding = world.false(FalseClaim('empty', empty), since)
-            # If this machine delays our driver for that long while the other one starts, our driver looks like a
-            # restarted one.
+            # If this machine delays our driver for long enough while the other driver starts, our driver looks
+            # restarted.
             if finding.stall < SOURCE_HOLD:
                 assert finding.seconds == 0
             elif finding.seconds:
                 raise TooSlowError(f'the machine did not run for {finding.stall:.2f} s, and "empty" was claimed')
             world.wait(lambda: 'SEVERAL_PUBLISHERS' in world.values['/left/processor']['faults'], 'the fault')
-            # Through the server, a driver knows only the participants that share a topic with it as readers.
+            # With a discovery server, a driver knows only the participants that read one of its topics.
             if not world.has_server:
                 world.wait(lambda: world.values['/skin_driver: left']['other_publishers'], 'the driver to see it')
         finally:

@@ -1,4 +1,4 @@
-"""A wheel, installed out of reach of a checkout, has exactly its files, its version and its types."""
+"""A wheel that is installed away from any checkout has exactly its own files, version and types."""
 
 import json
 import os
@@ -25,7 +25,7 @@ BUILD = {**os.environ, 'SOURCE_DATE_EPOCH': '1735689600'}  # All archives get th
 
 @pytest.fixture(scope='module')
 def source(tmp_path_factory) -> Path:
-    """Copy the source, because setuptools leaves a build folder where it builds.
+    """Copy the source, because setuptools creates its build folder inside the source folder.
 
     The copy contains the build folder of an earlier build.
     """
@@ -54,7 +54,7 @@ def wheel(source, tmp_path_factory) -> Path:
 @pytest.fixture(scope='module')
 def sdist(source, tmp_path_factory) -> Path:
     (source / 'test').mkdir()
-    (source / 'test/test_of_half_a_suite.py').touch()  # setuptools packs such files without their data.
+    (source / 'test/test_of_half_a_suite.py').touch()  # setuptools packs this kind of file without its data.
     built = tmp_path_factory.mktemp('sdist')
     hook = 'import sys; from setuptools import build_meta; build_meta.build_sdist(sys.argv[1])'
     subprocess.run([sys.executable, '-c', hook, built], cwd=source, check=True, env=BUILD, capture_output=True)
@@ -70,7 +70,7 @@ def installed(wheel, tmp_path_factory) -> Path:
 
 
 def run(installed: Path, *arguments: str) -> str:
-    """Run Python outside the checkout, with only the installed wheel before the libraries of the environment."""
+    """Run Python outside the checkout, with the installed wheel before the other libraries on the path."""
     environment = {name: value for name, value in os.environ.items() if name != 'AMENT_PREFIX_PATH'}
     done = subprocess.run([sys.executable, *arguments], cwd=installed.parent, check=True, capture_output=True,
                           text=True, env={**environment, 'PYTHONPATH': str(installed)})

@@ -1,7 +1,7 @@
-"""The launch file starts `tactile bringup`. The tests check its arguments, and its actions when the command ends.
+"""The launch file starts `tactile bringup`. The tests check its arguments, and its actions when the command exits.
 
 `launch` and `launch_ros` are not on PyPI. If a ROS installation provides them, the last tests run a real launch.
-Otherwise these tests are skipped, and a stand-in shows the actions of the file.
+Without a ROS installation, these tests are skipped, and a stand-in for launch shows the actions of the file.
 """
 
 import os
@@ -26,9 +26,9 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'launch' / 'bringup.launch.py'
 GRIPPER = {'pads': 'left, right', 'node_ids': '32,0x40'}
 NODES = DriverSettings, ClassifierSettings, GraspNodeSettings
-#: Maps an argument to a parameter of another name.
+#: Launch arguments whose parameter has another name.
 RENAMED = {'grasp_frame': 'frame_id'}
-#: Arguments that set no parameter of our nodes.
+#: Launch arguments that set no parameter of our nodes.
 OTHERS = {'gripper_action', 'namespace', 'on_exit', 'side', 'simulate', 'use_sim_time', 'params_file'}
 
 
@@ -59,10 +59,11 @@ def test_what_sets_a_parameter_has_the_description_and_the_default_of_its_table(
     row = next(row for settings in NODES for row in table(settings) if row.name == RENAMED.get(name, name))
     option = options_of_the_command()[f'--{name.replace("_", "-")}']
     argument = next(each.named for each in declared(FILE)[0] if each.given[0] == name)
-    # If the argument is not given, the parameter file and the node decide.
+    # If an argument is not given, the parameter file and the node decide its value.
     assert option.default is None and argument['default_value'] == ''
     for text in (option.help, argument['description']):
-        if text == row.properties.description:  # This description states the meaning of an empty value.
+        # The description of this parameter states the meaning of an empty value.
+        if text == row.properties.description:
             assert set(row.default) <= {''}
             continue
         description, _, written = text.removesuffix(')').rpartition(' (default: ')
@@ -85,7 +86,7 @@ def test_another_spelling_means_the_same(option):
 
 
 def called(monkeypatch, *words):
-    """Return the actions of the launch when `ros2 launch` is called with ``words``."""
+    """Return the actions of the launch file when `ros2 launch` is called with the arguments ``words``."""
     monkeypatch.setattr(sys, 'argv', ['/opt/ros/jazzy/bin/ros2', 'launch', *words])
     return actions_of(FILE, dict(word.split(':=') for word in words if ':=' in word))
 
@@ -101,7 +102,7 @@ def test_an_argument_that_the_file_does_not_declare_is_refused(file, word, remed
 
 @pytest.mark.parametrize('file', [['my_robot', 'bringup.launch.py'], ['robot.launch.py']], ids=['its name', 'another'])
 def test_of_a_file_that_includes_it_only_a_misspelt_argument_is_warned_of(file, monkeypatch):
-    """Launch passes on the arguments of the including file, and the values that launch_ros stores with them."""
+    """Launch passes on further arguments: those of the including file, and values that launch_ros stores."""
     names = ['robot:=ur5', 'ros_namespace:=/left', 'global_params:=x']
     assert len(called(monkeypatch, *file, *names)) == 1
     warning, process = called(monkeypatch, *file, *names, 'pad:=left,right')
@@ -142,7 +143,8 @@ def test_the_process_runs_the_nodes_of_the_bus_with_their_parameters():
 
 def test_the_namespace_is_that_of_the_process_below_the_pushed_one():
     process = process_of(FILE, **GRIPPER, namespace='hand')
-    assert process['namespace'] == 'hand'  # launch_ros passes /robot/hand as the rule __ns; see test_bringup.py.
+    # launch_ros passes the namespace /robot/hand as the remapping rule __ns; see test_bringup.py.
+    assert process['namespace'] == 'hand'
     assert 'name' not in process
     assert process_of(FILE, **GRIPPER)['namespace'] is None
 
@@ -169,7 +171,7 @@ PARAMETER_FILE = '''/**/touch_gripper:
 @pytest.mark.ros
 @pytest.mark.parametrize('namespace', ['', 'hand'])
 def test_the_gripper_node_is_a_second_process_in_the_same_namespace(namespace, tmp_path):
-    """Both processes use the parameter file. Arguments override its values."""
+    """Both processes use the parameter file. Launch arguments override the values in the parameter file."""
     import rclpy
     path = tmp_path / 'parameters.yaml'
     path.write_text(PARAMETER_FILE)
@@ -182,7 +184,7 @@ def test_the_gripper_node_is_a_second_process_in_the_same_namespace(namespace, t
     ended = gripper['on_exit'](SimpleNamespace(returncode=0, process_name='gripper_node-2'),
                                SimpleNamespace(is_shutdown=False))
     assert [type(action).__name__ for action in ended] == ['Shutdown']
-    rclpy.init(args=[*gripper['arguments'], '-r', f'__ns:=/{namespace}'])  # launch_ros adds the namespace like this.
+    rclpy.init(args=[*gripper['arguments'], '-r', f'__ns:=/{namespace}'])  # launch_ros adds the namespace in this form.
     try:
         node = rclpy.create_node('touch_gripper', automatically_declare_parameters_from_overrides=True)
         assert {name: node.get_parameter(name).value for name in ('gripper_action', 'widest', 'use_sim_time')} == {
@@ -237,7 +239,7 @@ sys.exit(service.run())
 
 @pytest.fixture
 def robot(tmp_path):
-    """Return a function that launches a robot with two grippers of two pads each, with the given arguments."""
+    """Return a function that launches a robot with two grippers, each with two pads, with the given arguments."""
     started = []
 
     def launch(*words):
@@ -259,7 +261,7 @@ def wait_for(condition, timeout=60.0):
 
 
 def processes_with(word):
-    """Return the processes whose command line contains the word."""
+    """Return the processes whose command line contains ``word``."""
     found = []
     for path in Path('/proc').glob('[0-9]*/cmdline'):
         try:

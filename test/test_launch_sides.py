@@ -1,6 +1,6 @@
-"""The nodes of one bus on two hosts: the nodes on each side, the accepted arguments, and the refused ones.
+"""The nodes of one bus run on two hosts, and each side starts its own nodes and accepts only its own arguments.
 
-A node must not run on both hosts or on none. An argument that no node reads must be refused.
+Each node must run on exactly one host. An argument that no node reads must be refused.
 """
 
 import re
@@ -19,7 +19,7 @@ from tactile_node.node_graph import Role
 FILE = Path(__file__).resolve().parents[1] / 'launch/bringup.launch.py'
 PADS = {'pads': 'left, right'}
 NODES = ['left/processor', 'left/classifier', 'right/processor', 'right/classifier', 'grasp', 'skin_driver']
-#: Maps an argument to its value, the parameter, the value of the parameter, and the nodes that read it.
+#: Maps an argument to its value, its parameter, the value of the parameter, and the nodes that read the parameter.
 PERCEIVED = {
     'frame_ids': ('a,b', 'pad_frames', ['a', 'b'], {'grasp'}), 'frame_prefix': ('r/', 'frame_prefix', 'r/', {'grasp'}),
     'grasp_frame': ('palm', 'frame_id', 'palm', {'grasp'}), 'gap': ('0.04', 'gap', 0.04, {'grasp'}),

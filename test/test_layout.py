@@ -1,4 +1,4 @@
-"""Skin layouts: decoding, refusals, and a schema that agrees with both."""
+"""Skin layouts: decoding, error messages, and a schema that agrees with the reader."""
 
 import copy
 import json
@@ -40,7 +40,7 @@ tpdos:
     ('unit: N, scale: 1.0, bits: 16, signed: true', 0, 'FE FF 00 00 00 00 00 00', -2),
     ('unit: N, scale: 2.0, bits: 16, signed: true, offset: 100, pressure: falling', 0,
      '5A 00 00 00 00 00 00 00', 20),
-    # The default offset is 255 here.
+    # Without ``offset``, a falling value of 8 bits has the offset 255.
     ('unit: Pa, scale: 1.0, bits: 8, pressure: falling', 0, 'FA 00 00 00 00 00 00 00', 5),
     ('unit: Pa, scale: 1.0, bits: 32', 32, '00 00 00 00 00 00 00 80', 2.0 ** 31),
     ("unit: '1', scale: 1.0, bits: 1", 63, '00 00 00 00 00 00 00 80', 1)])
@@ -140,7 +140,7 @@ def test_pads_that_cannot_share_a_bus(pads, says):
 
 def test_node_id_may_move_a_cob_id_to_a_kept_one(tmp_path):
     layout = tiny_layout(tmp_path, TINY.replace('0x380', '0x570'))
-    check_pads((PadSettings('a', (0x0F,), layout),))  # 0x57F is the last COB-ID before the range of SDO answers.
+    check_pads((PadSettings('a', (0x0F,), layout),))  # 0x57F is the last COB-ID below the range of the SDO responses.
     with pytest.raises(ConfigurationError, match='0x590 .SDO answers'):
         check_pads((PadSettings('a', (0x20,), layout),))
 
@@ -153,12 +153,12 @@ def test_sync_must_be_no_tpdo(tmp_path):
 
 ROOT = Path(__file__).resolve().parents[1]
 LAYOUTS = sorted(path for path in (ROOT / 'config').glob('*.yaml') if path.with_suffix('.eds').exists())
-#: Together, these layouts contain every key.
+#: Together, the layouts in this list contain every key.
 DIFFERENT = [path for path in LAYOUTS if path.stem.split('_')[0] in ('sim16x16', 'rows12x5', 'mpdo8x8', 'domain16x10',
                                                                     'event8x8')]
 SCHEMA = json.loads((ROOT / 'config/skin_layout.schema.json').read_text(encoding='utf-8'))
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
-#: Values that replace any other value; only few keys accept one of them.
+#: Wrong values that replace each value of a layout in turn. Few keys accept even one of these values.
 WRONG = (None, 'many', True, -1, 1 << 40, [1], {})
 
 
@@ -178,7 +178,7 @@ def test_every_shipped_layout_is_valid(path):
 
 
 def places(value: object, at: tuple = ()) -> Iterator[tuple]:
-    """Yield the path to every value below the top; a list gives only its first element."""
+    """Yield the path to every value below the top level, with only the first element of each list."""
     items = value.items() if isinstance(value, dict) else enumerate(value[:1]) if isinstance(value, list) else ()
     for key, inner in items:
         yield (*at, key)
@@ -222,7 +222,10 @@ def refusal(path: Path, layout: dict, read=load_layout) -> ConfigurationError | 
 
 
 def relates_keys(change: str) -> bool:
-    """Return True if the change affects a bound that depends on other keys. No schema can express such a bound."""
+    """Return True if the change affects a limit that depends on other keys.
+
+    A JSON schema cannot express a limit of this kind.
+    """
     return bool(re.search(r"'(offset|start_bit|bit_step|repeat)'|'domain', 'bytes'", change))
 
 

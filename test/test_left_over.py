@@ -1,4 +1,7 @@
-"""Taxels that stay on after a release are hidden. The pad is never called empty while something presses."""
+"""Taxels that stay on after a release count as hidden.
+
+The pad is never reported as empty while an object presses it.
+"""
 
 import os
 
@@ -22,9 +25,9 @@ def disc(radius, row=7.2, col=7.9):
 
 
 def states(masks, *, each=8, unit='Pa', seed=1):
-    """Yield the pattern of each frame in which something presses.
+    """Yield the pattern of each frame in which an object presses the pad.
 
-    Each of ``masks`` lasts ``each`` frames at 40 kPa, after a period with a free pad.
+    After a period without load, each mask in ``masks`` is pressed with 40 kPa for ``each`` frames.
     """
     rng, extractor = np.random.default_rng(seed), PatternExtractor(unit=unit)
     for mask in [np.zeros((16, 16), bool)] * 8 + list(masks):
@@ -55,7 +58,10 @@ HELD = {
 @pytest.mark.parametrize(('name', 'unit'), [(name, unit) for i, name in enumerate(HELD)
                                             for j, unit in enumerate(('Pa', None)) if LONG or (i + j) % 2 == 0])
 def test_a_pad_is_not_empty_while_something_presses_it(name, unit):
-    """A gripper that opens on "empty" would drop the object. With TACTILE_LONG, each mask is tested with both units."""
+    """A gripper that opens when the pad is reported empty would drop the object.
+
+    With TACTILE_LONG, each mask is tested with and without a pressure unit.
+    """
     for mask, pattern in states(HELD[name], unit=unit):
         assert pattern.contacts or not pattern.pad_seen, f'{mask.sum()} taxels on'
         assert pattern.contacts or not visibility_of(pattern).pad_seen, f'{mask.sum()} taxels on'
@@ -83,7 +89,7 @@ CLUMPS = {'square': box(6, 6, 3, 3), 'bar': box(5, 5, 2, 6), 'disc': disc(2.2), 
 def test_a_compact_clump_that_stays_on_after_a_release_is_left_over(clump, frames, unit):
     """The contact shrinks to the clump within ``frames`` frames.
 
-    After that, the clump is not a contact, and the pad is not empty.
+    The remaining clump is then not a contact, and the pad is not reported as empty.
     """
     held = disc(5.2) | clump
     falling = [clump | disc(5.2 - 2.6 * k / frames) for k in range(1, frames)]
@@ -98,7 +104,7 @@ def test_a_compact_clump_that_stays_on_after_a_release_is_left_over(clump, frame
 
 
 def test_an_object_that_is_taken_away_is_gone_within_0_3_s():
-    """A planner that takes the residue for a held object would carry on without the object."""
+    """A planner that takes the remaining taxels for a held object would carry on without the object."""
     stream, clump = ContactStream(unit=None), box(6, 6, 4, 4)
     masks = [box(3, 3, 10, 10)] * 50 + [box(4, 4, 8, 8), box(5, 5, 6, 6)] + [clump] * 60 + [clump & False] * 3
     found = [stream.update(mask, 0.02 * number) for number, mask in enumerate(masks)]
@@ -152,9 +158,9 @@ def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
 @pytest.mark.ros
 @pytest.mark.parametrize('specks', [[34], [34, 52, 66], list(range(34, 44))])
 def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
-    """The reason is NOT_SEEN and never EMPTY.
+    """The message gives the reason NOT_SEEN, and never EMPTY.
 
-    The taxels are FAULTY and have no value. Each taxel keeps its noise.
+    Left-over taxels are marked FAULTY and have no value. Each taxel in the message keeps its noise.
     """
     pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
     from tactile_node.pose.pipeline import FoundContact, Taxels

@@ -1,6 +1,6 @@
-"""`import tactile_node as tn` gives few names.
+"""`import tactile_node as tn` exposes only a few names.
 
-Each name is documented, each example is right, and the import costs nothing before a name is used.
+Each exposed name is documented, each example is correct, and the import loads nothing until a name is used.
 """
 
 import doctest

@@ -1,6 +1,9 @@
-"""The chain on two hosts that are joined by a bad link: no false state is believed, and no loss is silent.
+"""Run the chain on two hosts that are joined by a bad link.
 
-The hosts find each other by a discovery server, or with TACTILE_LONG by address. test_hosts.py has the other way.
+No consumer believes a false state, and every loss is reported.
+
+The hosts find each other through a discovery server, or by address with TACTILE_LONG. test_hosts.py tests the opposite
+choice.
 """
 
 import json
@@ -18,8 +21,9 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 LONG = bool(os.environ.get('TACTILE_LONG'))
 FRAME_PERIOD = 0.08  # Time between two frames [s], long enough for a busy machine.
 LOOK_SECONDS = 3.0
-LINK_RATE = '50kbit'  # A small part of what the taxels need, even if a busy machine is late with every frame.
-#: Bytes of waiting packets that Linux allows a socket. With the headers of the kernel, this is about twice the payload.
+#: A small part of the rate that the taxels need, even if a busy machine sends every frame late.
+LINK_RATE = '50kbit'
+#: Number of bytes in waiting packets that Linux allows per socket, about twice the payload because of kernel headers.
 SOCKET_ROOM = int(Path('/proc/sys/net/core/wmem_default').read_text(encoding='ascii'))
 DDS_PROFILE = Path(__file__).resolve().parents[1] / 'examples' / 'fastdds_link.xml'
 #: With LOCALHOST, rmw_fastrtps uses another transport, whatever the profile says.
@@ -47,9 +51,9 @@ def missed_since(world, since) -> int:
 
 
 def test_a_link_that_loses_and_delays(world):
-    """Gaps reveal the missed frames, which are counted.
+    """Missed frames leave gaps in the sequence, and the subscriber counts them.
 
-    No false state is believed, even after the object is removed.
+    No consumer believes a false state, even after the object is removed.
     """
     before, since = world.skipped('/grasp'), time.monotonic()
     world.hosts.set(loss=0.05, delay=0.02, jitter=0.01)
@@ -75,11 +79,11 @@ def waiting_bytes(world) -> int:
 
 
 def test_a_link_that_carries_less_than_is_sent(world):
-    """A full socket must not delay the driver. Without the profile, it would."""
+    """A full socket must not delay the driver. Without the DDS profile, a full socket delays the driver."""
     shaped = 'tc', 'qdisc', 'replace', 'dev', 'tun0', 'root'
     try:
         world.hosts.first.run(*shaped, 'tbf', 'rate', LINK_RATE, 'burst', '10kb', 'latency', '20s')
-    except NoHostsError as error:  # The kernel has no token bucket filter.
+    except NoHostsError as error:  # This kernel has no token bucket filter.
         pytest.skip(str(error))
     since = time.monotonic()
     world.wait(lambda: waiting_bytes(world) > SOCKET_ROOM / 3, 'the socket to be nearly full')

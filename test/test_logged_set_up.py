@@ -1,6 +1,7 @@
-"""A log whose set-up shows another device, or TPDOs that differ from the layout, is never played.
+"""A log is never played if its set-up shows another device, or TPDOs that differ from the layout.
 
-The SDO frames are written by hand from CiA 301 (7.2.4.3). The tiny pad maps 0x2000 sub 1, 2 and 3 with 16 bits each.
+The SDO frames are hand-written according to CiA 301 (7.2.4.3). The pad of 3 taxels maps the sub-indices 1, 2 and 3 of
+object 0x2000 with 16 bits each.
 """
 
 from functools import partial
@@ -21,7 +22,7 @@ SWEEP = (SYNC, *ROWS)
 
 
 def upload(index, sub, value, node=1):
-    """Return the request and the answer of an upload of 4 bytes."""
+    """Return the request and the response of an SDO upload of 4 bytes."""
     at = f'{index & 0xFF:02X}{index >> 8:02X}{sub:02X}'
     return (f'(0.1) can0 {0x600 + node:03X}#40{at}00000000',
             f'(0.1) can0 {0x580 + node:03X}#43{at}{value.to_bytes(4, "little").hex()}')
@@ -45,7 +46,7 @@ RIGHT = (*mapped(1, 0x20000110), *mapped(2, 0x20000210), *mapped(3, 0x20000310),
 
 
 def outcome(tmp_path, *lines, **options):
-    """Return the number of missing CAN frames in each taxel frame, and the text of the failure."""
+    """Return the number of missing CAN frames in each taxel frame, and the error message of the player."""
     frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path), **options)
     if source.failure is None:
         return [frame.missing_can_frames for _, frame in frames], ''
@@ -55,28 +56,31 @@ def outcome(tmp_path, *lines, **options):
 
 @pytest.mark.parametrize('set_up', [
     (), RIGHT, mapped(1, 0x20000110, by=download),
-    # The mapping was different at first, and was then written.
+    # The device first had another mapping, which was then overwritten.
     (*mapped(2, 0x20000310), *mapped(2, 0x20000210, by=download)),
-    (*mapped(2, 0x20000310), download(0x1A01, 1, 0x20000210)[0]),  # The log does not contain the answer.
+    # The log does not contain the response.
+    (*mapped(2, 0x20000310), download(0x1A01, 1, 0x20000210)[0]),
     # The device may have restored another saved mapping.
     *((*mapped(2, 0x20000310), f'(0.2) can0 701#{boot}') for boot in ('00', '0000', '80')),
-    mapped(2, 0x20000310)[1::2],  # Answers without requests.
-    (*mapped(2, 0x20000210), *download(0x1A01, 1, 0x20000310, answer='80')),  # The device refused it.
-    (*RIGHT, *download(0x1801, 1, 0x80000281)),  # This write is still in the device's queue.
-    # This is another node.
+    mapped(2, 0x20000310)[1::2],  # The log contains responses without requests.
+    # The device refused the write.
+    (*mapped(2, 0x20000210), *download(0x1A01, 1, 0x20000310, answer='80')),
+    # This write is still in the device's queue.
+    (*RIGHT, *download(0x1801, 1, 0x80000281)),
+    # These frames belong to another node.
     tuple(line.replace('601#', '602#').replace('581#', '582#') for line in mapped(2, 0x20000310)),
-    (*mapped(9, 0x20000310), *upload(0x1808, 1, 0x80000281))])  # This TPDO does not exist.
+    (*mapped(9, 0x20000310), *upload(0x1808, 1, 0x80000281))])  # The device has no TPDO with this number.
 def test_a_set_up_that_fits_or_is_not_known_is_played(tmp_path, set_up):
     assert outcome(tmp_path, *set_up, *SWEEP) == ([0], '')
 
 
 @pytest.mark.parametrize(('set_up', 'place'), [
-    (mapped(2, 0x20000310), '0x1A01'),  # The mapping is that of another row.
+    (mapped(2, 0x20000310), '0x1A01'),  # The mapping belongs to another row.
     (mapped(2, 0x20000208, 0x20000308), '0x1A01'),  # The TPDO maps two objects.
     (mapped(2, 0x20000310, by=download), '0x1A01'),
-    (upload(0x1A01, 0, 0xFE), '0x1A01'),  # This is an MPDO.
+    (upload(0x1A01, 0, 0xFE), '0x1A01'),  # The mapping describes an MPDO.
     ((*upload(0x1800, 1, 0x281), *upload(0x1801, 1, 0x181)), '0x1800'),  # The COB-IDs are exchanged.
-    (download(0x1808, 1, 0x281), '0x1808')])  # TPDO 9 sends with this COB-ID.
+    (download(0x1808, 1, 0x281), '0x1808')])  # TPDO 9 also uses this COB-ID.
 @pytest.mark.parametrize('before', [(), SWEEP], ids=['at first', 'amid'])
 def test_another_mapping_or_cob_id_is_never_played_as_the_layout_s(tmp_path, set_up, place, before):
     frames, detail = outcome(tmp_path, *before, *set_up, *SWEEP)
@@ -106,9 +110,9 @@ def test_without_an_eds_any_identity_is_played(tmp_path):
 
 
 def test_a_log_of_another_skin_is_refused_by_its_identity(tmp_path, caplog, capsys):
-    """The product code of the session is 0x16160008.
+    """The log shows the product code 0x16160008.
 
-    A skin with the same number of TPDOs would otherwise be read with its taxels in the wrong places.
+    Without this check, a skin with the same number of TPDOs would have its values assigned to the wrong taxels.
     """
     log = str(DATA / 'sim16x16_two_pads.log.gz')
     assert main(['replay', log, '--layout', 'rows12x5_10bit.yaml']) != 0
@@ -129,7 +133,10 @@ def test_of_several_nodes_each_is_judged_by_its_own_part_of_the_layout(tmp_path)
 @pytest.mark.parametrize(('own', 'strangers'), [
     ('#05', {}), ('#0500', {}), ('#', {'pad': [17]}), ('#R', {'pad': [17]})])
 def test_a_request_to_a_node_is_not_heard_as_the_node(tmp_path, own, strangers):
-    """A guarding master asks node 1, but only node 17 exists. One of its TPDOs has a COB-ID of the pad."""
+    """A master guards node 1, but the bus has only node 17.
+
+    One of the node's TPDOs has a COB-ID that belongs to the pad.
+    """
     pad = PadSettings('pad', (1,), tiny_layout(tmp_path, TINY.replace('0x280', '0x190')))
     _, source = play(tiny_log(tmp_path, '(0.1) can0 711#05', f'(0.2) can0 701{own}', *SWEEP), (pad,))
     assert source.heard.strangers() == strangers

@@ -1,4 +1,4 @@
-"""Recorded logs are read, written and played. Every CAN frame is accounted for."""
+"""Recorded logs can be read, written and played. Every CAN frame is accounted for."""
 
 import gzip
 import logging
@@ -29,7 +29,7 @@ RING = DATA / 'nus_ring_session.log.gz'
 
 
 def play(path, pads, **options):
-    """Play a log; return all pairs of pad and frame, and the source."""
+    """Play a log and return all pairs of pad and frame, and the source."""
     frames = []
     source = LogSource(str(path), pads, lambda name, frame: frames.append((name, frame)),
                        **{'pace': None} | options)
@@ -50,7 +50,7 @@ def test_ring_session_accounts_for_every_can_frame():
         ids = [int(line.split()[2].split('#')[0], 16) for line in log]
     pad, counted = source.statistics().pads['pad'], source.statistics().can_frames
     syncs, tpdos = ids.count(0x80), sum(0x180 < i < 0x500 for i in ids)
-    assert (syncs, tpdos) == (77, 77 * 64)  # The log contains every poll of the recording, with 64 rows each.
+    assert (syncs, tpdos) == (77, 77 * 64)  # The log contains every poll of the recording, with 64 rows per poll.
     assert pad.complete == len(frames) == syncs and pad.used == pad.received == tpdos
     assert sum(pad.losses.values()) == pad.pending == pad.incomplete == source.statistics().unread == 0
     assert counted == {'nmt': ids.count(0), 'sdo': sum(i in (0x620, 0x5A0) for i in ids), 'sync': syncs,
@@ -59,16 +59,20 @@ def test_ring_session_accounts_for_every_can_frame():
 
 
 def test_ring_session_shows_the_ring():
-    """The README of the recording says that a ring is seen while pressed. After the release, 9 to 29 taxels stay on."""
+    """The README of the recording states that a ring is visible while it is pressed.
+
+    After the release, 9 to 29 taxels remain on.
+    """
     frames, _ = play(RING, nus_pad())
     stamps = np.array([frame.stamp for _, frame in frames])
     values = np.array([frame.values for _, frame in frames])
-    # This is 15 s after the first frame at 4.3 s. The ring is pressed from 12.3 s to 20.1 s.
+    # The ring is pressed from 12.3 s to 20.1 s. The first frame is at 4.3 s, so the frame 15 s later shows the ring.
     held = values[stamps - stamps[0] < 15][-1]
     row, col = np.nonzero(held)
     centre, radius = (row.mean(), col.mean()), np.hypot(row - row.mean(), col - col.mean())
     assert held.sum() > 50 and set(np.unique(values)) == {0.0, 1.0}
-    assert held[round(centre[0]), round(centre[1])] == 0 and np.median(radius) > 4  # The contact is hollow.
+    # A pressed ring leaves the centre of the contact free.
+    assert held[round(centre[0]), round(centre[1])] == 0 and np.median(radius) > 4
     assert values[0].sum() == 0 and values[-1].sum() < 30
     assert (np.diff(stamps) > 0).all() and abs(stamps[-1] - stamps[0] - (24.755 - 4.313)) < 1e-5
 
@@ -126,7 +130,7 @@ def test_a_log_cut_short_is_read_up_to_the_cut_and_reported(tmp_path, suffix):
 
 
 def test_a_line_cut_short_never_reads_as_another_frame(tmp_path):
-    """Without its last digit, 381#0A0C would read as 381#0A00, a complete TPDO with a wrong value."""
+    """Without its last digit, 381#0A0C would be read as 381#0A00, a complete TPDO with a wrong value."""
     log = tmp_path / 'x.log'
     log.write_text('\n'.join([SYNC, *ROWS[:2], '(1.3) can0 381#0A0C'])[:-1])
     frames, source = play(log, tiny_pads(tmp_path))
@@ -157,7 +161,7 @@ def test_what_is_written_can_be_read(tmp_path, suffix):
     for can_id, data, stamp in sent:
         writer.write(can.Message(stamp, can_id, False, data=data, channel=1))
     writer.close()
-    writer.write(can.Message())  # A message after closing is no error.
+    writer.write(can.Message())  # Writing a message after closing raises no error.
     read = [(m.arbitration_id, bytes(m.data), m.timestamp) for m in CanLogReader(path)]
     assert read == sent and writer.can_frames == 3
 
@@ -175,7 +179,7 @@ def test_a_format_that_is_not_written_is_made_by_the_command_of_the_refusal_and_
     *_, module, source, target = refused.value.remedy.rstrip('.').split()
     subprocess.run([sys.executable, '-m', module, source, target], check=True, timeout=60)
     read = [(m.arbitration_id, bytes(m.data), m.timestamp - 1.7e9) for m in CanLogReader(f'x{suffix}')]
-    # ASC and TRC store milliseconds.
+    # ASC and TRC files store time stamps in milliseconds.
     assert read == [(0x181, b'AB', pytest.approx(at, abs=1.1e-3)) for at in (0.25, 0.5)]
 
 
@@ -190,9 +194,9 @@ def test_what_a_format_cannot_hold_is_counted(tmp_path, suffix, kept):
 
 
 def test_pace_stop_and_start_lose_nothing(tmp_path):
-    """The log covers 0.3 s and is played ten times as fast.
+    """The log covers 0.3 s and is played at ten times its speed.
 
-    It is stopped from within on_frame, and then started again.
+    The callback on_frame stops the log, which is then started again.
     """
     lines = [f'({k / 100 + i / 1000}) can0 {can_id}#{"" if i == 0 else "0A0A"}'
              for k in range(30) for i, can_id in enumerate(('080', '181', '281', '381'))]
@@ -230,7 +234,7 @@ def test_loop_keeps_stamps_rising(tmp_path):
 
 
 def test_a_loop_never_completes_its_last_sweep_with_its_first_can_frames(tmp_path):
-    """A log of a running bus begins and ends in the middle of a sweep."""
+    """A log from a running bus starts and ends in the middle of a sweep."""
     frames = queue.Queue()
     lines = ('(1.0) can0 281#4444', '(1.1) can0 381#4545', '(1.2) can0 080#', '(1.3) can0 181#1414')
     source = LogSource(str(tiny_log(tmp_path, *lines)), tiny_pads(tmp_path), lambda _name, frame: frames.put(frame),
@@ -261,9 +265,9 @@ def test_a_log_of_two_buses_with_the_same_pad_is_refused_until_one_is_named(tmp_
 
 
 def of_buses(*names):
-    """Return the lines of a whole sweep, SYNC first.
+    """Return the lines of a whole sweep, with the SYNC first.
 
-    Each of ``names`` has a channel, and T for a frame sent by the recorder or R for a received frame.
+    Each entry of ``names`` gives a channel, followed by T for a frame that the recorder sent or R for a received frame.
     """
     return [f'(1.{n}) {name.split()[0]} {frame} {name.split()[1]}'
             for n, (name, frame) in enumerate(zip(names, ('080#', '181#0A0A', '281#0A0A', '381#0A0A')))]
@@ -271,7 +275,7 @@ def of_buses(*names):
 
 @pytest.mark.parametrize('sync', ['can1 R', 'can1 T'])
 def test_sync_of_another_bus_never_ends_a_sweep(tmp_path, sync):
-    """Received frames identify the second bus, even if they are TPDOs of other nodes."""
+    """Received frames show that the log contains a second bus, even if they are TPDOs of other nodes."""
     lines = ['(0.5) can1 3FF#01 R', *of_buses(sync, *3 * ['can0 R'])]
     frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path))
     assert source.failure.fault is BusFault.LOG_UNUSABLE and 'can1 and on can0' in source.failure.detail
@@ -286,7 +290,7 @@ def test_tpdos_of_one_pad_on_two_buses_are_refused(tmp_path):
 
 @pytest.mark.parametrize('channel', ['', 'can0'])
 def test_a_frame_sent_without_the_name_of_its_bus_belongs_to_the_log_s_first(tmp_path, channel):
-    """Recordings of this package once stored SYNC like this. python-can writes vcan0 in place of the name."""
+    """Earlier versions of this package recorded SYNC in this form. python-can writes vcan0 instead of the name."""
     (_, frame), = play(tiny_log(tmp_path, *of_buses('vcan0 T', *3 * ['can0 R'])), tiny_pads(tmp_path),
                        channel=channel)[0]
     assert not frame.missing_can_frames
@@ -313,7 +317,7 @@ def test_a_damaged_stamp_costs_its_own_can_frame_alone(tmp_path, damaged):
 
 
 def test_a_gap_is_reported_and_not_waited_for(tmp_path, caplog):
-    """During the recording, the clock was set forward by an hour, or no SYNC was sent for an hour."""
+    """During the recording, either the clock was set forward by an hour, or no SYNC was sent for an hour."""
     caplog.set_level(logging.INFO, 'tactile_node')
     lines = [f'({stamp + i / 1000}) can0 {can_id}#{"" if i == 0 else "0A0A"}'
              for stamp in (1.0, 1.1, 3601.2, 3601.3) for i, can_id in enumerate(('080', '181', '281', '381'))]
@@ -343,7 +347,7 @@ def test_a_replay_that_dies_says_so_and_has_finished(tmp_path, caplog):
 
 
 def two_skins(tmp_path, heartbeat):
-    """Write a log of skins 32 and 40; the nodes in ``heartbeat`` send heartbeats.
+    """Write a log of nodes 32 and 40, in which the nodes in ``heartbeat`` send heartbeats.
 
     The layout has eight TPDOs in each range of COB-IDs.
     """
@@ -381,7 +385,7 @@ def test_a_replay_names_the_order_of_a_device_that_is_not_the_layout_s(tmp_path,
 @pytest.mark.parametrize('node_id, heartbeat, code', [
     (36, (32, 40), 1), (32, (32, 40), 0), (36, (), 0), (32, (50,), 0)])
 def test_a_pad_put_together_from_two_others_is_reported(tmp_path, node_id, heartbeat, code, caplog):
-    """The frames of this pad are complete, and none is lost."""
+    """The frames of this pad are complete, and no frame is lost."""
     path = two_skins(tmp_path, heartbeat)
     assert main(['replay', str(path), '--node-id', str(node_id)]) == code
     assert ('Check the node-IDs' in caplog.text) == bool(code)
@@ -421,7 +425,7 @@ def test_a_recording_that_cannot_begin_leaves_no_empty_file(tmp_path, monkeypatc
 
 @pytest.mark.parametrize('suffix', ['.log', '.mcap', '.log.gz'])
 def test_recordings_that_begin_together_have_a_file_each(tmp_path, suffix):
-    """Two recordings once found the same name free and wrote into one file."""
+    """In an earlier version, two recordings could find the same file name free and write into one file."""
     begin, writers = threading.Barrier(8), []
 
     def record():

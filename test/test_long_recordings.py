@@ -1,7 +1,10 @@
-"""Recordings of hours: several files are read as one, from any time on. Damage costs only its own chunk.
+"""Long recordings: several files are read as one recording, starting at any time.
 
-Damage must not give a reader a wrong value. The reader must not take the rest of an hour for lost, nor the gap for a
-skin at rest. One file of ten must not pass for the whole recording, nor two recordings for one.
+A damaged chunk costs only the frames in it.
+
+A damaged file must not give a reader a wrong value. After damage, the reader must not report the rest of the hour as
+lost, nor take the gap for a skin at rest. One file of ten must not be read as the whole recording, nor two recordings
+as one.
 """
 
 import os
@@ -36,8 +39,8 @@ from tactile_node.viewing.report_page import page_of
 mcap = pytest.importorskip('mcap.writer')
 rosbags = pytest.importorskip('rosbags.rosbag2')
 
-FRAMES = 500  #: Number of CAN frames, 1 ms apart from 1.7e9 s on.
-EACH = 50     #: Number of frames in a chunk.
+FRAMES = 500  #: Number of CAN frames, which are 1 ms apart and start at the stamp 1.7e9 s.
+EACH = 50     #: Number of CAN frames in a chunk.
 BEGIN = 1.7e9
 
 
@@ -76,7 +79,7 @@ def with_bytes(data, at, new):
     return data[:at] + new + data[at + len(new):]
 
 
-#: Kinds of damage to a file with ten chunks, each with the numbers of the chunks that it may cost.
+#: Kinds of damage to a file with ten chunks, and the numbers of the chunks that each kind may cost.
 DAMAGES = {
     'a bit of the content': (lambda data, at: flipped(data, 4), {4}),
     'bits in two places': (lambda data, at: flipped(flipped(data, 4), 7), {4, 7}),
@@ -119,7 +122,8 @@ def test_damage_costs_the_can_frames_of_its_chunk_alone(tmp_path, name):
     assert len(reader.damages) == reader.unread == len(runs)
     assert all(each.kind in (DamageKind.CHUNK, DamageKind.RECORDS) for each in reader.damages)
     assert sum(each.chunks for each in reader.damages) == len(lost)
-    for each, first in zip(reader.damages, sorted(runs)):  # The damage lies between the frames before and after it.
+    # The damage lies between the stamps of the frames before and after it.
+    for each, first in zip(reader.damages, sorted(runs)):
         last = next(index for index in range(first, 11) if index not in lost)
         assert each.begin == (pytest.approx(BEGIN + (first * EACH - 1) / 1000, abs=1e-5) if first else None)
         assert each.end == (pytest.approx(BEGIN + last * EACH / 1000, abs=1e-5) if last < 10 else None)
@@ -149,7 +153,7 @@ def test_of_a_recording_without_its_end_the_chunks_before_are_read(tmp_path, sha
     path = can_log(tmp_path / 'x.mcap')
     data, at = path.read_bytes(), chunks(path.read_bytes())
     cut = int(share * at[-1].end)
-    # The first chunk is damaged, too. Only the beginning of the file contains the types.
+    # The first chunk is damaged, too. The types are stored only at the beginning of the file.
     path.write_bytes(flipped(data, 0)[:cut])
     whole = [n for n, chunk in enumerate(at) if chunk.end <= cut and n]
     assert whole
@@ -161,7 +165,7 @@ def test_of_a_recording_without_its_end_the_chunks_before_are_read(tmp_path, sha
 
 @pytest.mark.parametrize('name', [name for name in DAMAGES if not name.startswith(('the last', 'the magic', 'the su'))])
 def test_damage_to_a_killed_recording_costs_its_chunk_alone(tmp_path, name):
-    """A killed recording has no index that tells where the next chunk begins."""
+    """A recording that was killed has no index of the starts of its chunks."""
     path = can_log(tmp_path / 'x.mcap')
     data, (damage, lost) = path.read_bytes(), DAMAGES[name]
     path.write_bytes(damage(data, chunks(data))[:chunks(data)[-1].end])
@@ -171,7 +175,7 @@ def test_damage_to_a_killed_recording_costs_its_chunk_alone(tmp_path, name):
 
 
 def test_of_a_killed_recording_of_others_a_part_is_read(tmp_path):
-    """The types of the recording are only in its first chunk, which lies before the part."""
+    """Only the first chunk, which lies before the requested part, contains the types of the recording."""
     path = topic_bag(tmp_path / 'x.mcap')
     path.write_bytes(path.read_bytes()[:chunks(path.read_bytes())[-1].end])
     messages = TopicBagReader(path).messages((TAXELS,), window=TimeWindow(17.0, 25.0))
@@ -179,7 +183,7 @@ def test_of_a_killed_recording_of_others_a_part_is_read(tmp_path):
 
 
 def series(folder, suffix='.mcap'):
-    """Write a series of three files with 500 frames."""
+    """Write a series of three files with 500 frames in total."""
     parts = folder / f'x{suffix}', folder / f'x_part2{suffix}', folder / f'x_part3{suffix}'
     for part, frames in zip(parts, (range(200), range(200, 400), range(400, FRAMES))):
         can_log(part, frames)
@@ -207,7 +211,8 @@ def test_after_a_damaged_file_of_a_series_the_others_are_read(tmp_path):
     reader = CanLogReader(first)
     found = [int.from_bytes(message.data[:4], 'little') for message in reader]
     assert found[-100:] == list(range(400, 500)) and found[:50] == list(range(50)) and max(found[:-100]) < 200
-    damage, = reader.damages  # One entry covers both files, because nothing was read between them.
+    # One damage entry covers both files, because no frame was read between the two damaged parts.
+    damage, = reader.damages
     assert (damage.kind, damage.file) == (DamageKind.CUT_SHORT, 'x.mcap') and damage.end == pytest.approx(BEGIN + 0.4)
 
 
@@ -240,7 +245,7 @@ def test_a_window_is_what_the_whole_has_in_it(tmp_path, suffix, window):
 
 @pytest.mark.parametrize('is_ended', [True, False])
 def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
-    """All chunks before the window are rubbish, except the first, which contains the beginning."""
+    """All chunks before the window are overwritten with zeros, except the first, which contains the beginning."""
     path = can_log(tmp_path / 'x.mcap')
     data, at = path.read_bytes(), chunks(path.read_bytes())
     for chunk in at[1:6]:
@@ -255,9 +260,9 @@ def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
 
 @pytest.mark.slow
 def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path, capsys):
-    """The log has a SYNC and 32 TPDOs of a pad 100 times a second, for 3 s.
+    """The log contains 3 s of a pad that sends a SYNC and 32 TPDOs 100 times a second.
 
-    The chunk of one tenth of a second is damaged.
+    The chunk with one tenth of a second is damaged.
     """
     path = tmp_path / 'x.mcap'
     path.touch()
@@ -284,7 +289,10 @@ def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path
 
 @pytest.mark.slow
 def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
-    """A flipped bit outside the content of the chunks costs no frame, or is reported. It never changes a frame."""
+    """If a bit outside the chunks' content is flipped, either no frame is lost or the damage is reported.
+
+    A flipped bit never changes a frame.
+    """
     path, copy = can_log(tmp_path / 'x.mcap'), tmp_path / 'y.mcap'
     data, random = path.read_bytes(), np.random.default_rng(5)
     inside = np.zeros(len(data), bool)
@@ -305,7 +313,10 @@ def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize('is_missing', [False, True])
 def test_no_taxel_frame_is_made_of_what_was_before_a_gap_and_what_came_after(tmp_path, is_missing):
-    """Chunks and files end within sweeps. Sweep k has the value k, so a mixture is visible."""
+    """Chunks and files end in the middle of sweeps.
+
+    Sweep k has the value k in all taxels, so that a mixture of sweeps is recognised.
+    """
     layout, names = load_layout('sim16x16.yaml'), [tmp_path / 'x.mcap', *(tmp_path / f'x_part{n}.mcap' for n in (2, 3))]
     messages = []
     for k in range(100):

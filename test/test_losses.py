@@ -1,4 +1,4 @@
-"""The reasons for losses: their codes and names are part of the interface."""
+"""The codes and names of the reasons for losses are part of the interface."""
 
 from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
 from tactile_node.sources.log_source import summary

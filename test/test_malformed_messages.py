@@ -1,6 +1,6 @@
-"""No message stops a node.
+"""A message with any content must not stop a node.
 
-A malformed message is dropped and counted by its reason, and the next good one is processed.
+A node drops a malformed message, counts it by its reason, and processes the next good message.
 """
 
 import copy
@@ -127,12 +127,12 @@ def good_grasp(sequence=0) -> Grasp:
 
 
 def labels(*numbers):
-    """Return the labels of the first taxels; all other taxels have none."""
+    """Return labels for the first taxels, and no label for the other taxels."""
     return array('B', [*numbers, *[0] * (256 - len(numbers))])
 
 
 R = RejectReason
-Change = dict[str, object]  # Maps a field to a bad value; a number in the path of a field is an index.
+Change = dict[str, object]  # Maps a field to a bad value. A number in the path of a field is an index.
 NO_CONTACT: Change = {'labels': labels(), 'contacts': 0, 'contact_taxels': array('I')}
 NO_SHAPE: Change = {'shape': ContactShape.NONE, 'class_name': 'none', 'confidence': 1.0, 'fit_valid': False,
                     'taxels': 0, 'contacts': 0, 'contact_areas': array('d'),
@@ -144,7 +144,7 @@ TIMES: dict[R, list[Change]] = {
 GRID: dict[R, list[Change]] = {
     R.WRONG_LENGTH: [{'rows': 15}],
     R.NO_TAXELS: [{'rows': 0, 'cols': 0}, {'rows': 0}],
-    # In 32 bits, the product of these sizes is 0.
+    # In 32-bit arithmetic, the product of these sizes is 0.
     R.TOO_LARGE: [{'rows': HUGE, 'cols': HUGE}, {'rows': 1 << 16, 'cols': 1 << 16}],
     R.WRONG_PITCH: [{'pitch': pitch} for pitch in (NAN, 0.0, -0.002, INF, -INF)]}
 VALUES: dict[R, list[Change]] = {
@@ -199,7 +199,7 @@ EVENTS: dict[R, list[Change]] = {
 
 
 def of_part(part: str, table: dict[R, list[Change]]) -> dict[R, list[Change]]:
-    """Return the same changes for the part of another message."""
+    """Return the changes with ``part`` in front of each field name."""
     return {reason: [{f'{part}.{name}': value for name, value in change.items()} for change in changes]
             for reason, changes in table.items()}
 
@@ -220,7 +220,8 @@ GRASPS: dict[R, list[Change]] = {
                      ONE_SIDE_UNSEEN | {'side_states.1': Grasp.SIDE_EMPTY, 'contact': Grasp.NO_CONTACT},
                      ONE_SIDE_UNSEEN | {'contact': Grasp.ONE_SIDED}, {'stable': True, 'fresh': False, 'width': NAN},
                      {'side_states': [0, 0]}, {'contact': 0, 'side_states.1': 0},
-                     # The object must have the name of its code, must be held, and must be as sure as its class says.
+                     # The name of the object must match its code, the object must be held, and its confidence must
+                     # match its class.
                      {'class_name': 'circle'}, {'shape': ContactShape.OTHER}, {'shape': ContactShape.UNKNOWN},
                      {'confidence': 0.4}, WITHOUT_SIZE | {'shape': ContactShape.UNKNOWN, 'class_name': 'unknown'},
                      {'fresh': False} | NO_LINE, {'fresh': False} | NO_LINE | NO_OBJECT | {'confidence': 0.3},
@@ -230,7 +231,7 @@ GRASPS: dict[R, list[Change]] = {
                      {'fresh': False} | NO_LINE | NO_OBJECT | {'grip_force': 1.0, 'grip_force_sd': 0.1,
                                                                'force_imbalance': 0.0},
                      {'fresh': False, 'contact': Grasp.ONE_SIDED, 'side_states.1': Grasp.SIDE_EMPTY} | NO_LINE
-                     | NO_OBJECT,  # Only one side has a shape, so the shapes of the sides cannot be the same.
+                     | NO_OBJECT,  # Only one side has a shape, so the two sides cannot have the same shape.
                      {'dimensions.0': 0.0}, {'dimension_sds.0': 0.0}, {'dimensions.0': -0.01},
                      {'yaw': NAN}, {'yaw_sd': NAN}, {'yaw': 0.8}, {'symmetry': 0}, {'handedness': 1},
                      WITHOUT_SIZE | {'symmetry': 4}, {'side_states.0': 1, 'contact': 1} | NO_LINE | NO_OBJECT
@@ -244,13 +245,14 @@ GRASPS: dict[R, list[Change]] = {
                    {'forces.1': INF}, {'grip_force_sd': INF}, {'lean.0': NAN}, {'lean.1': INF}],
     R.WRONG_PROBABILITIES: [{'confidence': -0.1}, {'confidences.0': 1.5}],
     R.WRONG_STAMP: [{'gap_age.sec': -1}]}
-#: Legal changes: an unknown object, a doubtful yaw, a force that is a bound, and a pad that is not seen.
+#: The check must accept an unknown object, an uncertain yaw, a force that is a lower bound, and a pad that is not seen.
 FEWER: tuple[Change, ...] = (
     {'fresh': False} | NO_LINE | NO_OBJECT, NO_OBJECT | NO_LINE, WITHOUT_YAW, WITHOUT_LEAN, WITHOUT_SIZE, WITHOUT_GRIP,
     WITHOUT_GRIP | {'force_is_bound.0': True}, WITHOUT_GRIP | {'forces': [NAN, 1.0]},
     {'grip_force_sd': NAN}, {'centre_sd': NAN},
     {'side_states.0': 1, 'contact': 1, 'same_shape': False, 'forces.0': NAN} | NO_LINE | NO_OBJECT)
-#: Maps each check to a good message, the reason for a default-constructed message, and the rejected changes by reason.
+#: Maps each check to a good message, the reason for rejecting a default-constructed message, and the rejected changes
+#: by reason.
 TABLE = {
     check_taxel_array: (good_taxels, R.NO_TAXELS, [GRID, VALUES, TAXELS, TIMES]),
     check_contact: (good_contact, R.NO_TAXELS, [GRID, VALUES, CONTACTS, TIMES]),
@@ -260,7 +262,10 @@ TABLE = {
 
 
 def cases_of(check) -> list[tuple[Change | None, R]]:
-    """Return the changes of a good message with their reasons. None stands for a default-constructed message."""
+    """Return the changes to a good message, each with the reason for which the message is rejected.
+
+    The change None represents a default-constructed message.
+    """
     _, default, tables = TABLE[check]
     return [(None, default), *((change, reason) for table in tables for reason, changes in table.items()
                                for change in changes)]
@@ -313,7 +318,7 @@ def test_an_empty_pad_and_a_pad_without_valid_taxels_are_accepted():
 
 @pytest.mark.parametrize(('method', 'fuse'), [('learned', True), ('volf', False)])
 def test_whatever_our_own_nodes_make_is_accepted(chain, method, fuse):
-    """Random contacts have noise, and few, half or all of their taxels are invalid."""
+    """The test draws random contacts with noise, in which few, half or all taxels are invalid."""
     node = chain.add(ClassifierNode(namespace='/left', parameter_overrides=[
         Parameter('method', value=method), Parameter('fuse', value=fuse)]))
     chain.add(ProcessorNode(namespace='/left'))
@@ -345,7 +350,7 @@ def test_a_check_costs_nothing_by_the_size_that_a_message_names():
         tracemalloc.start()
         try:
             assert check(message) is not None
-            assert tracemalloc.get_traced_memory()[1] < 100_000  # Peak memory in bytes.
+            assert tracemalloc.get_traced_memory()[1] < 100_000  # Peak memory of the check in bytes.
         finally:
             tracemalloc.stop()
 
@@ -359,12 +364,12 @@ def test_codes_are_stable():
 
 
 class Chain(RosBench):
-    """Our nodes, spun by the test, with a peer that publishes to them and listens."""
+    """Our nodes, which the test spins, and a peer node that publishes to them and listens."""
 
     def __init__(self, stack):
         super().__init__(stack)
         self.diagnostics: list[DiagnosticStatus] = []
-        self.stamps: list[Time] = []  # Stamps of their messages.
+        self.stamps: list[Time] = []  # Stamps of the received diagnostics.
         self.peer = self.add('peer')
         self.peer.create_subscription(DiagnosticArray, '/diagnostics',
                                       self._diagnosed, 100)
@@ -387,7 +392,7 @@ class Chain(RosBench):
         self.until(lambda: len(messages) >= count)
 
     def dropped(self, node: str, total: int) -> dict[str, int]:
-        """Wait until /diagnostics counts ``total`` dropped messages of a node; return the counts above 0 by reason."""
+        """Wait until /diagnostics counts ``total`` dropped messages of a node, and return the counts by reason."""
         self.until(lambda: sum(self._dropped(node).values()) >= total)
         return self._dropped(node)
 
@@ -403,7 +408,10 @@ def chain(ros):
 
 
 def send_all(chain, publisher, good, cases, results) -> dict[str, int]:
-    """After each malformed message, send a good one, whose result must arrive. Return the counts of the reasons."""
+    """After each malformed message, send a good message, whose result must arrive.
+
+    Return the number of dropped messages by reason.
+    """
     expected: dict[str, int] = {}
     for sequence, (change, reason) in enumerate(cases, start=1):
         publisher.publish(malformed(good, change, sequence))
@@ -453,7 +461,7 @@ def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
 
 
 def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain):
-    """The node runs as in a lossless replay, because the shapes do not follow the pace of their stamps."""
+    """The node runs as in a lossless replay, because the stamps of the shapes do not follow real time."""
     chain.add(GraspNode(parameter_overrides=[Parameter('lossless', value=True)]))
     grasps = chain.listen(Grasp, '/grasp')
     publishers = {side: chain.publisher(ContactShape, f'/{side}/shape', lossless=True) for side in ('left', 'right')}
@@ -473,7 +481,7 @@ def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain):
 
 
 def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):
-    """Otherwise the shape would be held for an hour, and the true frames after it would lie in the past."""
+    """If the stamp were accepted, the shape would be held for an hour, and later frames would lie in the past."""
     chain.add(ClassifierNode(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
@@ -501,18 +509,19 @@ def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain
     for sequence in (7, 8, 11, 12, 2**64 - 1, 13, 14, 16, 0, 1, 1):
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: subscription.counts.received == 11)
-    # The dropped numbers are 2^64 - 1, then 0, 1 and 1, while the earlier publisher may still continue.
+    # The messages 2^64 - 1, 0, 1 and 1 are dropped, because the earlier publisher may still continue.
     assert subscription.counts.dropped == {R.OTHER_SOURCE: 4}
     time.sleep(SOURCE_HOLD)
     for sequence in (2, 3):
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: len(received) == 9)
-    assert subscription.counts.skipped == 2 + 1  # The skipped numbers are 9, 10 and 15. A restart is no gap.
+    # The messages 9, 10 and 15 are counted as skipped. A restart of the publisher causes no gap.
+    assert subscription.counts.skipped == 2 + 1
 
 
 def test_frames_missed_while_a_link_was_cut_for_an_hour_are_all_counted(chain):
     received: list[TaxelArray] = []
-    qos = frames_qos(DEPTH, lossless=True)  # A lossless subscription takes the time only from the stamps.
+    qos = frames_qos(DEPTH, lossless=True)  # A lossless subscription takes the time from the stamps alone.
     subscription = GuardedSubscription(chain.peer, TaxelArray, 'taxels', received.append, qos, check=check_taxel_array)
     publisher = chain.peer.create_publisher(TaxelArray, 'taxels', qos)
     for sequence, stamp in ((100, 0.0), (100 + 180_000, 3600.0), (2**63, 3600.02)):
@@ -520,7 +529,7 @@ def test_frames_missed_while_a_link_was_cut_for_an_hour_are_all_counted(chain):
         message.header.stamp = time_message(STAMP + stamp)
         publisher.publish(message)
     chain.until(lambda: len(received) == 3)
-    # At 50 Hz, an hour has 180,000 frames. The last number belongs to another count, so it adds no loss.
+    # At 50 Hz, an hour has 180,000 frames. The last sequence number starts a new count, so it adds no loss.
     assert subscription.counts.skipped == 180_000 - 1
 
 
@@ -535,7 +544,7 @@ def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
     assert subscription.health.age == INF
     publisher = chain.publisher(TaxelArray, 'taxels')
     started = time.monotonic()
-    while time.monotonic() - started < 1.0:  # The smallest delay on the way is settled after this time.
+    while time.monotonic() - started < 1.0:  # After this time, the subscription has found the smallest transport delay.
         message = good_taxels()
         message.header.stamp = time_message(STAMP + time.monotonic() - started)
         message.age = duration_message(0.25)
@@ -552,7 +561,7 @@ def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
 
 
 def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
-    """The arrays of both publishers alternate, so a consumer of the latest one sees two skins as one."""
+    """The arrays of both publishers alternate, so a consumer of the latest array would see two skins as one."""
     chain.add(ProcessorNode(namespace='/left'))
     chain.publisher(TaxelArray, '/left/taxels')
     chain.until(lambda: fact(chain, 'faults') == 'SILENT')
@@ -572,7 +581,10 @@ def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
 
 
 def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch):
-    """The middleware joins both versions by the type name. Only the hash of the description differs (REP 2011)."""
+    """The middleware matches both versions by the name of the type.
+
+    Only the hash of the type description differs (REP 2011).
+    """
     subscription, received = guarded(chain)
     publisher = chain.publisher(TaxelArray, 'taxels')
     publisher.publish(with_sequence(7))
@@ -597,7 +609,7 @@ def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch
 
 
 def fact(chain, key) -> str:
-    """Return a value of the last diagnostic."""
+    """Return the value of ``key`` in the last diagnostic."""
     return next((pair.value for status in chain.diagnostics[-1:] for pair in status.values if pair.key == key), '')
 
 
@@ -632,11 +644,12 @@ def test_health_continues_with_simulated_time_and_no_clock(chain):
     assert (values['received'], values['processed'], values['dropped_no_taxels']) == ('2', '1', '1')
     assert set(values) == {'faults', 'received', 'processed', 'rate_hz', 'age_s', 'skipped', 'overtaken', 'publishers',
                            'stamps_offset_s', *(f'dropped_{reason.key}' for reason in RejectReason if reason)}
-    assert all(stamp == Time() for stamp in chain.stamps)  # The clock reads zero until the first /clock message.
+    # The simulated clock reads zero until the first /clock message.
+    assert all(stamp == Time() for stamp in chain.stamps)
 
 
 def status_of(**now):
-    """Return the status one second after a stream had 4 messages; ``now`` replaces fields of the current state."""
+    """Return the status one second after a stream had 4 messages, where ``now`` replaces fields of its state."""
     before = MessageCounts(received=4, processed=4, dropped={})
     fields = {'counts': MessageCounts(received=54, processed=54, dropped={}), 'age': 0.02, 'publishers': ('/driver',)}
     return health_status('/gripper/grasp', {'/left/shape': StreamHealth(**fields | now)}, {'/left/shape': before}, 1.0)
@@ -674,7 +687,7 @@ def test_health_names_the_topic_that_is_silent_and_counts_all():
     assert status.level == STALE and '/right/shape' in status.message and '/left' not in status.message
     values = {pair.key: pair.value for pair in status.values}
     assert (values['received'], values['processed'], values['dropped_not_finite']) == ('11', '10', '1')
-    assert values['age_s'] == '0.750'  # The age is that of the side with the older data.
+    assert values['age_s'] == '0.750'  # The age of a grasp is the age of the older of its two sides.
 
 
 @pytest.mark.parametrize('probabilities', [{Shape.CIRCLE: NAN}, {Shape.CIRCLE: INF, Shape.NONE: 0.0}])
@@ -713,13 +726,13 @@ def test_no_grasp_stops_the_planner_example(chain):
     try:
         publisher = chain.publisher(Grasp, '/grasp')
         deadline = time.monotonic() + TIMEOUT
-        # Best effort may lose any message, so all are sent until one of either kind has arrived.
+        # Best-effort transport may lose any message, so the test sends all of them until one of each kind has arrived.
         while not (any('grasp dropped' in line for line in lines) and any('rotate' in line for line in lines)):
             assert process.poll() is None and time.monotonic() < deadline, lines
             for change, _ in cases_of(check_grasp):
                 publisher.publish(malformed(good_grasp, change))
                 good = good_grasp()
-                good.header.stamp = time_message(time.time())  # The planner acts only on current messages.
+                good.header.stamp = time_message(time.time())  # The planner acts on current messages only.
                 publisher.publish(good)
                 time.sleep(0.02)
         assert process.poll() is None

@@ -1,6 +1,9 @@
-"""The physical generator against closed forms (Boussinesq, Love, flat punch, Hertz, Sneddon) and exact symmetries.
+"""Check the physical generator against closed-form solutions and exact symmetries.
 
-The contact modulus is E* = 1 throughout. The tolerances are those of the grids, a few cells per cent.
+The solutions are by Boussinesq, Love, Hertz and Sneddon, and for a flat punch.
+
+All tests use the contact modulus E* = 1. The tolerances are the discretisation errors of the grids, which are a few per
+cent.
 """
 
 from dataclasses import replace
@@ -19,7 +22,7 @@ from training.mechanics import random_solution, solution_pool
 
 
 def centred(count, cell):
-    """Return x, y and r of ``count`` × ``count`` cells around the origin."""
+    """Return x, y and r of the ``count`` × ``count`` cells around the origin."""
     line = (np.arange(count) - (count - 1) / 2) * cell
     x, y = np.meshgrid(line, line)
     return x, y, np.hypot(x, y)
@@ -36,7 +39,7 @@ INDENTERS = {**{shape: punch(shape) for shape in CLASSES},
              'cylinder': cylinder(0.05, ratio=2.5), 'cylinder, rounded': cylinder(0.05, ratio=2.0, rounding=0.3)}
 
 
-# Influence: point loads, uniform loads, and the sum over cells.
+# Influence coefficients for point loads, for uniform loads, and for the sum over cells.
 
 
 @pytest.mark.parametrize('count', [1, 9, 33])
@@ -84,7 +87,10 @@ def test_a_ball_follows_hertz():
 @pytest.mark.parametrize('name', INDENTERS)
 @pytest.mark.parametrize('tilt', [(0.0, 0.0), (0.5, -0.4)])
 def test_where_pressure_is_there_is_no_gap(name, tilt):
-    """Complementarity holds: p >= 0, gap >= 0 and p gap = 0. The gap is computed again from the pressure."""
+    """The solution must satisfy the complementarity conditions p >= 0, gap >= 0 and p gap = 0.
+
+    The test recomputes the gap from the pressure.
+    """
     indenter, cell = INDENTERS[name], 1 / 32
     width, height = (int(round((high - low) / cell)) for low, high in zip(indenter.low, indenter.high))
     x = np.linspace(indenter.low[0], indenter.high[0], 2 * width + 1)[1::2]
@@ -131,7 +137,7 @@ def test_a_skin_saturates_and_has_dead_taxels_without_a_value():
     assert (lower.mean(), lower.std()) == pytest.approx((0.3, 0.02), abs=0.001)
 
 
-# The pools of training and report.
+# Pools of solutions for training and for the reported figures.
 
 @pytest.fixture(scope='module')
 def pool(tmp_path_factory):
@@ -177,7 +183,7 @@ def test_under_a_uniform_circle_the_axis_has_its_closed_form(depth):
 
 @pytest.mark.parametrize('tilt', [0.3, 0.8])
 def test_a_tilted_circular_punch_rises_by_its_tilt_over_the_radius(tilt):
-    """p = P (1 + tilt x / a) / (2π a sqrt(a² - r²)), from Johnson, Contact Mechanics, section 3.5."""
+    """The pressure is p = P (1 + tilt x / a) / (2π a sqrt(a² - r²)) (Johnson, Contact Mechanics, section 3.5)."""
     indenter = punch('circle')
     solution = solve(indenter, (tilt, 0.0), cells=72)
     a = 1 / np.sqrt(np.pi)
@@ -202,9 +208,9 @@ def test_a_cone_follows_sneddon():
 
 @pytest.mark.parametrize('depth', [1.0, 4.0, 12.0])
 def test_below_the_middle_of_a_ball_and_of_a_punch_the_stress_has_its_closed_form(depth):
-    """With ζ = z / a, the stress is a multiple of the mean pressure.
+    """With ζ = z / a, the stress is the mean pressure times a closed-form factor.
 
-    Hertz: p0 / (1 + ζ²). Flat punch: (1 + 3ζ²) / (1 + ζ²)² / 2.
+    For a Hertz contact, p0 is divided by 1 + ζ². For a flat punch, the factor is (1 + 3ζ²) / (1 + ζ²)² / 2.
     """
     area = 300.0
     ratio = depth ** 2 * np.pi / area

@@ -1,6 +1,6 @@
-"""The age over several stages whose clocks are not synchronised.
+"""The age of a message over several stages whose clocks are not synchronised.
 
-Each stage computes the age from one message alone, and never too small.
+Each stage computes the age from one message alone, and the computed age is never too small.
 """
 
 import math
@@ -21,7 +21,7 @@ STAMP = 1_700_000_000.0
 
 
 class Stage:
-    """Stage that needs ``own`` [s] for each message; its steady clock is ``offset`` [s] ahead of the true time."""
+    """A stage that needs ``own`` [s] per message, and whose steady clock is ``offset`` [s] ahead of the true time."""
 
     def __init__(self, offset, own=0.005, lossless=False):
         self.now = 0.0
@@ -38,9 +38,9 @@ class Stage:
 
 
 def chain(stages, acquisitions, hold=lambda stage, sent: 0.0, offset=0.0, first_age=0.002):
-    """Return (true time, true age, age) of each message as the last stage sends it.
+    """Return (true time, true age, computed age) of each message when the last stage sends it.
 
-    Each path keeps the order of its messages.
+    Each path delivers its messages in order.
     """
     results, last = [], [-math.inf] * len(stages)
     for acquired in acquisitions:
@@ -89,9 +89,9 @@ def test_an_age_that_is_not_known_stays_so():
 
 
 def test_a_lossless_replay_measures_only_its_own_time():
-    """Each message is held back until 9 s, and the age does not contain this time.
+    """Each message is held back until 9 s, and its age must not include this delay.
 
-    The age is the one at the first stage plus the time in the stages.
+    The expected age is the age at the first stage plus the time spent in the stages.
     """
     results = chain(stages(lossless=True), [PERIOD * i for i in range(20)], hold=lambda i, sent: max(0.0, 9.0 - sent))
     assert [age for *_, age in results] == pytest.approx([0.002 + 3 * 0.005] * 20)

@@ -1,7 +1,10 @@
-"""Nothing misleads a consumer that reads only the latest message. `make misled` prints its view, and for how long.
+"""A consumer that reads only the latest message must not be misled.
 
-This file has the cases that need the whole chain. The parts of the other short cases are tested elsewhere: a frozen
-skin with the planner, hidden rows and saturation in test_stages.py, and a tare of a grasp in test_driver_recovery.py.
+`make misled` prints what this consumer sees, and for how long.
+
+This module tests the cases that need the whole chain. Other tests cover the parts of the other short cases:
+test_planner_client.py a frozen skin, test_stages.py hidden rows and saturation, and test_driver_recovery.py the tare of
+a grasp.
 """
 
 import pytest
@@ -23,11 +26,14 @@ def test_a_default_constructed_message_claims_nothing(message, facts):
 
 
 def check(findings):
-    """Check that no forbidden claim is made, and that each temporary claim ends; `make misled` measures its time."""
+    """Check that no forbidden claim is made, and that each temporary claim ends.
+
+    `make misled` measures the duration of these claims.
+    """
     assert findings and not [finding for finding in findings if not finding.bound and finding.seconds]
     lasting = [finding for finding in findings if finding.bound and not finding.has_ended]
     if lasting and is_overloaded() and all(finding.claim == 'not stable' for finding in lasting):
-        # A grasp that the machine cannot follow is rightly reported as not stable.
+        # If the machine is too slow to follow the grasp, the grasp is rightly reported as not stable.
         pytest.skip('the machine does not keep up')
     assert not lasting
 
@@ -44,6 +50,6 @@ def world():
 
 @pytest.mark.parametrize('case', [malformed_sent, rows_lost, unplugged], ids=lambda case: case.__name__)
 def test_a_consumer_is_not_misled(world, case):
-    """All cases use one world, in this order, because a failed bus stays failed."""
+    """All cases share one simulated world and run in this order, because a bus that has failed stays failed."""
     world.skin.lose([])
     check(case(world))

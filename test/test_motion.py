@@ -1,7 +1,7 @@
-"""Events of a contact, in contact mechanics.
+"""Events of a contact in frames that are simulated with contact mechanics.
 
-A slide and a turn are reported in time. A hold and hidden movements cause no report. `bench/bench_events.py` measures
-more cases of this kind.
+A slide and a turn must each be reported within the promised time. A steady hold and a movement that cannot be observed
+must cause no report. `bench/bench_events.py` measures more cases of this kind.
 """
 
 import os
@@ -32,7 +32,8 @@ def events_of(frames):
     return [(frame, event) for frame in frames for event in frame.motion.events]
 
 
-#: Each way is tested once with each speed and once with each kind. With TACTILE_LONG all combinations are tested.
+#: Each direction is tested once with each speed and once with each kind. With TACTILE_LONG, all combinations are
+#: tested.
 SLIDES = [(way, speed, kind) for i, way in enumerate(PROMISED) for j, speed in enumerate((0.5, 10.0, 100.0))
           for k, kind in enumerate(('square', 'ball', 'right_triangle')) if LONG or (i + j + k) % 3 == 0]
 
@@ -66,7 +67,8 @@ def test_speed_is_that_of_the_slide_and_ends_with_it(recogniser, speed):
     assert all(motion.moving & Moving.SLIDING for motion in under_way)
     assert np.median([motion.speed for motion in under_way]) == pytest.approx(speed * 1e-3, rel=0.25)
     assert frames[-1].motion.moving is Moving.STILL and np.isnan(frames[-1].motion.speed)
-    assert frames[-1].motion.last_event.kind is EventKind.SLIDING  # The last event does not describe the present state.
+    # The last event lies in the past, and does not describe the present state.
+    assert frames[-1].motion.last_event.kind is EventKind.SLIDING
 
 
 @pytest.mark.slow
@@ -83,8 +85,8 @@ def test_a_turn_is_reported(recogniser, kind, speed):
     assert np.sign(np.median(rates)) == np.sign(frames[-1].place['turn'])
 
 
-#: Each way is tested at rest and shaken, with a square and a ball in turn. With TACTILE_LONG all kinds are tested, for
-#: a longer time.
+#: Each direction is tested at rest and shaken, with a square and a ball in turn. With TACTILE_LONG, all kinds are
+#: tested for a longer time.
 HOLDS = [(way, is_shaken, KINDS if LONG else [('square', 'ball')[(i + is_shaken) % 2]])
          for is_shaken in (False, True) for i, way in enumerate(PROMISED)]
 
@@ -92,9 +94,9 @@ HOLDS = [(way, is_shaken, KINDS if LONG else [('square', 'ball')[(i + is_shaken)
 @pytest.mark.slow
 @pytest.mark.parametrize(('way', 'is_shaken', 'kinds'), HOLDS)
 def test_a_hold_is_still(recogniser, way, is_shaken, kinds):
-    """A minute of shaking may cause one report.
+    """A shaken hold may cause one report per minute.
 
-    A quiet hold of this length causes none; one in ten minutes is allowed.
+    A quiet hold of this length must cause no report, although one report in ten minutes is allowed.
     """
     reports = []
     for number, kind in enumerate(kinds):
@@ -107,7 +109,7 @@ def test_a_hold_is_still(recogniser, way, is_shaken, kinds):
 @pytest.mark.slow
 @pytest.mark.parametrize('slope', [0.05, 0.15])
 def test_an_oblique_face_that_is_pressed_harder_does_not_slide(recogniser, slope):
-    """The contact grows from one edge while the gripper closes from 0.2 N to 5 N. Then the force is held."""
+    """The contact grows from one edge while the gripper closes from 0.2 N to 5 N. The force is then held constant."""
     steps = (np.arange(ROWS * FINE) + 0.5) / FINE - 0.5
     x, y = np.meshgrid(steps - 7.3, steps - 7.8)
     height = np.where(np.maximum(abs(x), abs(y)) < 4, slope * PITCH * x, -np.inf)
@@ -117,7 +119,8 @@ def test_an_oblique_face_that_is_pressed_harder_does_not_slide(recogniser, slope
              for number, force in enumerate(forces)]
     assert 'SLIDING' not in kinds_of(found)
     assert found[-1].moving is Moving.STILL
-    slides = Observable.ALONG_X | Observable.ALONG_Y  # Slides are not promised while the force grows.
+    # The pipeline does not promise to report slides while the force grows.
+    slides = Observable.ALONG_X | Observable.ALONG_Y
     assert np.mean([bool(motion.observable & slides) for motion in found[10:75]]) < 0.2
     assert found[-1].observable & slides == slides
 
@@ -140,7 +143,7 @@ def pressed(where=WHOLE, level=50e3):
 
 
 def motions(frames, period=0.02, **marks):
-    """Follow the values of consecutive frames; None stands for a silence."""
+    """Return the motion in each of the consecutive frames, where None marks a missing frame."""
     pipeline, found = ContactPipeline(), []
     for number, values in enumerate(frames):
         if values is not None:
@@ -158,13 +161,14 @@ EMPTY, HIDDEN = np.zeros((18, 20)), np.full((18, 20), np.nan)
 @pytest.mark.slow
 def test_made_and_lost_are_between_frames_that_are_seen():
     assert kinds_of(motions([EMPTY] * 5 + [pressed()] * 20 + [EMPTY] * 3)) == ['MADE', 'LOST']
-    assert kinds_of(motions([pressed()] * 20)) == []  # The pad is not known to have been empty.
+    # Without an earlier frame of an empty pad, no contact counts as made.
+    assert kinds_of(motions([pressed()] * 20)) == []
     assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 40)) == []
     assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 3 + [pressed()] * 20)) == []
     assert kinds_of(motions([EMPTY] * 20 + [HIDDEN] * 3 + [EMPTY] * 20)) == []
-    # The contact was lost in the meantime.
+    # The contact was lost while the pad was hidden.
     assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 3 + [EMPTY] * 3)) == ['LOST']
-    # By then, nothing is known about the contact.
+    # After 40 frames without a view of the pad, the earlier contact is forgotten.
     assert kinds_of(motions([pressed()] * 20 + [HIDDEN] * 40 + [EMPTY] * 3)) == []
     assert kinds_of(motions([pressed()] * 20 + [None] * 40 + [EMPTY] * 3)) == []
 
@@ -188,9 +192,9 @@ def test_force_by_steps():
 
 @pytest.mark.slow
 def test_another_contact_and_lost_taxels_are_no_movement():
-    # The second contact overlaps the first.
+    # The second contact overlaps the first and is taken for the same contact.
     assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 12:18])] * 40)) == ['SLIDING']
-    # The second contact is another one.
+    # The second contact does not overlap the first and is taken for a different contact.
     assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 14:20])] * 40)) == []
     lost = pressed()
     lost[8:10] = np.nan

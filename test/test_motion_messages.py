@@ -1,4 +1,7 @@
-"""Events of a contact arrive in `<pad>/events`, in `shape` and in `grasp`. A stale side reports none."""
+"""Events of a contact are published in `<pad>/events`, in `shape` and in `grasp`.
+
+A pad with stale data reports no events.
+"""
 
 import math
 
@@ -40,7 +43,7 @@ def test_what_an_event_was_seen_by_has_its_code():
 
 
 class Held:
-    """A grasp whose left contact moves as the test demands, while the right one is still."""
+    """A grasp whose left contact moves as the test demands, while the right contact does not move."""
 
     def __init__(self):
         self.now, self._tracker = 100.0, GraspTracker()
@@ -110,16 +113,16 @@ class Peer:
 def test_the_example_lifts_more_slowly_after_an_event():
     held = Held()
     limit = lift_slower.LiftSpeed(Peer(), ('left', 'right'), steady=lambda: held.now)
-    assert limit.speed() == 0.0  # Nothing is known yet.
+    assert limit.speed() == 0.0  # No grasp has been received so far.
     for _ in range(60):
         message = held.grasp(PERIOD)
         message.age = age_message(AGE)
         limit.on_grasp(message)
-    assert limit.speed() == lift_slower.FULL / 2  # A slide along y would not be visible.
+    assert limit.speed() == lift_slower.FULL / 2  # The pads could not observe a slide along y.
     limit.on_event(ContactEvent())
     assert limit.speed() == lift_slower.FULL / 2
     for _ in range(3):
         limit.on_event(ContactEvent(kind=ContactEvent.SLIDING, seen_by=ContactEvent.OUTLINE, probability=1.0))
     assert limit.speed() == pytest.approx(lift_slower.FULL / 8)
     held.now += 1.0
-    assert limit.speed() == 0.0  # The last grasp is too old.
+    assert limit.speed() == 0.0  # The last received grasp is too old.

@@ -1,4 +1,4 @@
-"""Row-multiplexed TPDOs and MPDOs: bytes written by hand, then the simulated skin end to end."""
+"""Row-multiplexed TPDOs and MPDOs: hand-written bytes, followed by an end-to-end test with the simulated skin."""
 
 import re
 
@@ -45,7 +45,7 @@ def test_rows_by_hand(tmp_path):
 
 
 def test_ten_bits_packed_and_falling_by_hand():
-    """Row 3 has the counts 1023, 341, 1023, 1023 and 1023, least significant bit first.
+    """Row 3 has the counts 1023, 341, 1023, 1023 and 1023, packed with the least significant bit first.
 
     The second taxel reads 100 (1023 - 341) Pa.
     """
@@ -59,10 +59,10 @@ def test_ten_bits_packed_and_falling_by_hand():
 
 
 def test_mpdos_by_hand(tmp_path):
-    """The message comes from node 5.
+    """The message is sent by node 5.
 
-    Byte 0 is the node-ID with bit 7 clear. Then follow 0x2155 in little-endian order, the sub-index, and two signed
-    counts.
+    In byte 0, bit 7 is clear and the other bits are the node-ID. The next bytes are 0x2155 in little-endian order, the
+    sub-index, and two signed counts.
     """
     assembler = telling(FrameAssembler(tiny_layout(tmp_path, MPDO), (5,)))
     assembler.sync(0)
@@ -70,7 +70,7 @@ def test_mpdos_by_hand(tmp_path):
     assert feed(assembler, 0x190, '05552104' '0200FEFF').values.tolist() == [[500, -500], [1, -1]]
 
 
-@pytest.mark.parametrize('foreign', ['85552104' '02000300',  # destination addressing (bit 7 set)
+@pytest.mark.parametrize('foreign', ['85552104' '02000300',  # destination address mode (bit 7 set)
                                      '06552104' '02000300',  # from another node
                                      '05562104' '02000300', '05552105' '02000300'])
 def test_foreign_mpdos_are_counted_and_leave_their_taxels_stale(tmp_path, foreign):

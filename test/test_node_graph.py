@@ -1,4 +1,4 @@
-"""The nodes of a bus are described in one place: names, topics and parameters."""
+"""Names, topics and parameters of the nodes of a bus are described in one place."""
 
 import subprocess
 import sys
@@ -76,7 +76,7 @@ def test_the_nodes_have_the_described_names_parameters_and_topics(pads, namespac
                      for topic, types in node.get_publisher_names_and_types_by_node(
                          node.get_name(), node.get_namespace())}
         expected = frame_topics(pads, namespace)
-        # The driver publishes these topics only once it is configured.
+        # The driver publishes these topics only after it has been configured.
         by_driver = {topic for topic in expected if topic.endswith('/taxels')}
         assert {topic: published[topic] for topic in set(expected) - by_driver} == {
             topic: [kind] for topic, kind in expected.items() if topic not in by_driver}

@@ -1,4 +1,4 @@
-"""The driver's reaction to nodes that come back, zero themselves, or share a COB-ID."""
+"""The driver's reaction to nodes that return, zero themselves, or share a COB-ID."""
 
 import logging
 import threading
@@ -49,9 +49,9 @@ def test_a_device_that_refuses_is_reported_by_channel(monkeypatch):
 
 @pytest.mark.parametrize('answer', [bytes.fromhex('8025610322000008'), None])
 def test_a_device_that_is_zeroed_in_part_or_does_not_answer_is_distinguished(answer):
-    """The device refuses the third channel with an SDO abort, or its confirmation is lost.
+    """Either the device refuses the third channel with an SDO abort, or its confirmation is lost.
 
-    Its state is then unknown.
+    In both cases, the driver must report that only some channels are zeroed.
     """
     def tamper(message):
         if message.arbitration_id == 0x5A0 and bytes(message.data[:4]) == bytes.fromhex('60256103'):
@@ -87,7 +87,8 @@ def test_a_log_has_no_device(tmp_path):
         source.auto_zero('pad')
 
 
-#: Only TPDO 3 of the simulated skin (first half of row 1), with the COB-ID of the skin's TPDO 1 (row 0).
+#: Layout with only TPDO 3 of the simulated skin, which covers the first half of row 1. TPDO 3 has the COB-ID of the
+#: skin's TPDO 1, which covers row 0.
 ONE = '''
 rows: 1
 cols: 4
@@ -97,11 +98,11 @@ tpdos:
 - {number: 3, cob_id: $NODEID+0x180, map: {object: 0x7130, sub: 9, bits: 16, count: 4},
    taxels: {first: [0, 0], step: [0, 1], count: 4, bit_step: 16}}
 '''
-ROWS = np.repeat(np.arange(8.0)[:, None] + 1, 8, axis=1)  # Each taxel reads the number of its row, counted from 1.
+ROWS = np.repeat(np.arange(8.0)[:, None] + 1, 8, axis=1)  # The value of each taxel is its row number plus 1.
 
 
 def one_tpdo(bench, folder):
-    """Return a driver of ONE on the bench's bus."""
+    """Return a driver with the layout ONE on the bench's bus."""
     path = folder / 'one.yaml'
     path.write_text(ONE)
     pad = make_pad('pad32', 32, str(path), str(config_path('sim8x8_16bit.eds')))
@@ -109,12 +110,15 @@ def one_tpdo(bench, folder):
 
 
 def cob_id(bench, number):
-    """Return object 0x1800 + number - 1, sub 1, of the device."""
+    """Return the COB-ID of the device's TPDO ``number`` (sub-index 1 of object 0x1800 + number - 1)."""
     return bench.simulator.devices[32]._number(0x1800 + number - 1, 1)
 
 
 def test_no_other_tpdo_is_taken_for_taxels(tmp_path, caplog):
-    """The demo device of CANopenNode sent two TPDOs under one COB-ID. The first one was then read as valid values."""
+    """The demo device of CANopenNode once sent two TPDOs with the same COB-ID.
+
+    The driver then read the first of the two as valid taxel values.
+    """
     caplog.set_level(logging.WARNING)
     with Bench('rivals', 'sim8x8_16bit.yaml', source=lambda t: ROWS, sync_period=0.02) as bench:
         bench.run()
@@ -147,9 +151,9 @@ def test_a_device_that_refuses_is_not_used(tmp_path):
 
 
 def test_a_node_whose_mapping_is_another_one_gives_no_value_and_is_left_as_it_was():
-    """The node has changed its mapping without a boot-up message, and accepts no other mapping.
+    """The node has changed its mapping without sending a boot-up message, and refuses to write another mapping.
 
-    The driver discovers this only because it checks the node for another reason.
+    The driver discovers the changed mapping only because it checks the node for another reason.
     """
     def refuse(index, subindex, **_):
         if index == 0x1A00:
@@ -160,9 +164,9 @@ def test_a_node_whose_mapping_is_another_one_gives_no_value_and_is_left_as_it_wa
         bench.take_whole(1)
         device = bench.simulator.devices[32]
         device._node.add_write_callback(refuse)
-        # The first taxel is replaced by one of the last row.
+        # The mapping now has a taxel of the last row in place of the first taxel.
         device.lie(0x1A00, 1, (0x7130_3D10).to_bytes(4, 'little'))
-        device._node.nmt.stop_heartbeat()  # The missing heartbeat makes the driver check the node.
+        device._node.nmt.stop_heartbeat()  # The driver checks the node because the heartbeat stops.
         bench.take_until(lambda frame: np.isnan(frame.values).all())
         assert wait_until(lambda: cob_id(bench, 1) == 0x1A0)
         after = bench.take(20)

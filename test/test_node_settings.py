@@ -1,6 +1,6 @@
-"""Each parameter is one field of a frozen dataclass.
+"""Each parameter of a node is one field of a frozen dataclass.
 
-The field declares the parameter, receives its value, and is replaced when the parameter changes.
+The field declares the parameter, holds its value, and is replaced when the parameter changes.
 """
 
 import inspect
@@ -99,7 +99,7 @@ def test_the_example_file_names_parameters_that_exist_with_values_of_their_type(
 def test_best_effort_is_of_what_a_node_receives_and_never_of_a_lossless_replay(
         name, inputs, output, given, reliability):
     parameters = [Parameter(key, value=value) for key, value in given.items()]
-    # Each case has its own namespace, because ROS may not have forgotten the node of the previous case.
+    # Each case has its own namespace, because ROS may still remember the node of the previous case.
     namespace = '_'.join(['given', *given])
     with rclpy.context.Context() as context:
         node = NODES[name](context=context, namespace=namespace, parameter_overrides=parameters)
@@ -112,9 +112,9 @@ def test_best_effort_is_of_what_a_node_receives_and_never_of_a_lossless_replay(
 
 @pytest.mark.parametrize('name', ['skin_driver', 'grasp'])
 def test_a_node_whose_constructor_has_failed_can_be_destroyed(name, monkeypatch):
-    """Since Kilted, the context destroys such a node when it ends.
+    """Since Kilted, the context destroys a node whose constructor has failed when the context shuts down.
 
-    Our destroy_node uses objects that the constructor makes.
+    Our destroy_node method uses objects that only a complete constructor creates.
     """
     failed = []
 
@@ -136,7 +136,10 @@ LISTS = [(name, row.name) for name, settings in SETTINGS.items() for row in tabl
 
 
 def configured(kind, options):
-    """Make the node, and configure it if it is a driver; raise the ConfigurationError of a failure."""
+    """Create the node and return it.
+
+    A driver is also configured, and a failed configuration raises its ConfigurationError.
+    """
     node = kind(**options)
     try:
         if kind is DriverNode and node.trigger_configure() != TransitionCallbackReturn.SUCCESS:
@@ -153,7 +156,7 @@ def configured(kind, options):
 
 @pytest.mark.parametrize(('name', 'parameter'), LISTS, ids=[parameter for _, parameter in LISTS])
 def test_an_empty_list_in_a_parameter_file_is_a_list_without_values(name, parameter, tmp_path):
-    """ROS reads an empty list as a value without a type. In rclpy, an empty list is a list of bytes."""
+    """ROS reads an empty list as a parameter value without a type. In rclpy, an empty list is a list of bytes."""
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    publish_pad_frames: true\n    gap: 0.02\n'
                     f'    replay: {DATA / "sim16x16_two_pads.log.gz"}\n    {parameter}: []\n')
@@ -180,7 +183,7 @@ def test_an_empty_list_for_one_value_is_refused_with_its_meaning(name, parameter
 
 
 def test_an_empty_list_can_be_read_back_over_ros(ros, tmp_path):
-    """One parameter without a type empties the whole answer of the service, and so the output of `ros2 param dump`."""
+    """A single parameter without a type empties the service response and the output of `ros2 param dump`."""
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    features: []\n')
     bench = RosBench(ros)
@@ -195,7 +198,7 @@ def test_an_empty_list_can_be_read_back_over_ros(ros, tmp_path):
 
 
 def drops_incomplete(driver):
-    """Return True if the driver's source drops incomplete sweeps; a stand-in replaces the bus."""
+    """Return True if the driver's source drops incomplete sweeps. A stand-in replaces a missing source."""
     if driver.source is None:
         driver.source = SimpleNamespace(drops=False)
         driver.source.adjust = lambda drops, _timeout: vars(driver.source).update(drops=drops)
@@ -210,12 +213,16 @@ CHANGES = {
 
 @pytest.mark.parametrize('name', CHANGES)
 def test_a_change_that_another_callback_refuses_has_no_effect(name):
-    """ROS asks all callbacks before it sets a value. A callback that is asked after ours may still refuse the value."""
+    """ROS calls all callbacks before it sets a parameter.
+
+    A callback that ROS calls after ours may still refuse the new value.
+    """
     refusing, (change, state) = [], CHANGES[name]
 
     class Refusing(NODES[name]):
         def add_on_set_parameters_callback(self, callback):
-            super().add_on_set_parameters_callback(self.answer)  # rclpy asks the last callback first.
+            # rclpy calls the callback added last before the others.
+            super().add_on_set_parameters_callback(self.answer)
             super().add_on_set_parameters_callback(callback)
 
         def answer(self, _parameters):

@@ -1,4 +1,4 @@
-"""The noise floor of a pad: how it is learnt, and objects that rest on the pad meanwhile."""
+"""How the noise floor of a pad is learnt, also while an object rests on the pad."""
 
 import os
 from itertools import product
@@ -14,23 +14,26 @@ from tactile_node.taxel_frame import PRESS_BY_UNIT, RELEASE_RATIO
 SHAPE = (12, 12)
 ROWS, COLS = np.mgrid[:12, :12]
 SQUARE = (ROWS >= 3) & (ROWS < 9) & (COLS >= 4) & (COLS < 9)
-NOISE = {'Pa': 1e3, 'N': 0.0035, None: 10.0}  #: Standard deviation, which is 1 % of the full scale.
+NOISE = {'Pa': 1e3, 'N': 0.0035, None: 10.0}  #: Standard deviation of the noise, which is 1 % of full scale.
 LONG = bool(os.environ.get('TACTILE_LONG'))
 WHOLE, HALF, MOST = np.ones(SHAPE, bool), COLS < 6, ROWS < 11
 MASKS = {'whole': WHOLE, 'half': HALF, '11 of 12': MOST}
 
 
 def patterns(heights, unit, mask=SQUARE, *, seed=1, fixed=None):
-    """Yield the pattern of each frame; ``heights`` are in standard deviations of the noise, over ``mask``."""
+    """Yield the pattern of each frame, in which ``mask`` is raised by one of ``heights``.
+
+    The unit of ``heights`` is the standard deviation of the noise.
+    """
     rng, extractor = np.random.default_rng(seed), PatternExtractor(fixed, unit=unit)
     for height in heights:
         yield extractor.extract(NOISE[unit] * (height * mask + rng.standard_normal(SHAPE)))
 
 
 def check_held(heights, unit, mask, *, from_height):
-    """Check that the contact is present in each frame once ``from_height`` is reached.
+    """Check that the contact is found in each frame whose height has reached ``from_height``.
 
-    At the end, the contact must be complete and not learnt as noise.
+    In the last frame, the contact must be complete, and its taxels must not have been learnt as noise.
     """
     least = mask.sum() / 2
     for height, pattern in zip(heights, patterns(heights, unit, mask)):
@@ -42,7 +45,7 @@ def check_held(heights, unit, mask, *, from_height):
 
 
 def each(*short, **names):
-    """Test all combinations of the values of ``names`` with TACTILE_LONG, otherwise those in ``short``."""
+    """Return a mark that runs the cases in ``short``, or all combinations of ``names`` with TACTILE_LONG."""
     every = [dict(zip(names, values)) for values in product(*names.values())]
     chosen = every if LONG else [dict(zip(names, values)) for values in short]
     return pytest.mark.parametrize(tuple(names), [tuple(case.values()) for case in chosen])
@@ -58,9 +61,9 @@ def test_a_contact_that_grows_slowly_is_never_noise(seconds, unit):
 @pytest.mark.slow
 @each((1000, 'Pa'), (1000, None), frames=(1000, 2000), unit=NOISE)
 def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
-    """The noise floor remembers 500 frames, and the object is held for at least twice as many.
+    """The noise floor uses the last 500 frames, and the object is held for at least twice that time.
 
-    After the release, the pad is free at once.
+    After the release, the pad must be empty at once.
     """
     heights = np.concatenate((np.full(frames, 20.0), np.zeros(5)))
     *held, a, b, c, d, free = patterns(heights, unit)
@@ -86,7 +89,10 @@ def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, ma
 @pytest.mark.slow
 @pytest.mark.parametrize('unit', ['Pa', 'N'])
 def test_a_contact_between_noise_and_fixed_thresholds_is_not_learned(unit):
-    """With absolute thresholds, a light contact is not pressed. The floor must not follow it."""
+    """With absolute thresholds, the taxels of a light contact are not pressed.
+
+    The noise floor must not rise to the values of a light contact.
+    """
     fixed = PressThresholds(PRESS_BY_UNIT[unit], RELEASE_RATIO * PRESS_BY_UNIT[unit])
     heights = np.concatenate((np.zeros(50), np.full(1000, 9.0)))
     *_, last = patterns(heights, unit, fixed=fixed)
@@ -95,9 +101,9 @@ def test_a_contact_between_noise_and_fixed_thresholds_is_not_learned(unit):
 
 @each(('Pa',), (None,), unit=NOISE)
 def test_the_noise_of_each_taxel_is_found(unit):
-    """The taxels of an idle pad have 0.7 to 1.5 times the noise.
+    """Each taxel of an idle pad has 0.7 to 1.5 times the average noise.
 
-    The noise is found within a fifth of the true value for nine taxels in ten.
+    For nine taxels in ten, the estimate must lie within a fifth of the true noise.
     """
     rng = np.random.default_rng(3)
     drawn = rng.uniform(0.7, 1.5, SHAPE)
@@ -105,7 +111,7 @@ def test_the_noise_of_each_taxel_is_found(unit):
     for _ in range(600):
         pattern = extractor.extract(NOISE[unit] * drawn * rng.standard_normal(SHAPE))
     ratio = pattern.noise / NOISE[unit] / drawn
-    # All other taxels count as the mean taxel, because the noise is never less than that of the pad.
+    # All other taxels have the average noise of the pad, because the estimate never falls below it.
     is_above = drawn > 1.2
     assert (abs(ratio[is_above] - 1) < 0.2).mean() > 0.9 and not pattern.noise.flags.writeable
     assert (pattern.noise > 0.7 * NOISE[unit]).all()
@@ -113,7 +119,10 @@ def test_the_noise_of_each_taxel_is_found(unit):
 
 @pytest.mark.parametrize('sense', [-1, 1])
 def test_a_slow_drift_is_followed_up_and_down(sense):
-    """The drift is one standard deviation per second. A contact on it is found to the taxel."""
+    """All values drift by one standard deviation per second.
+
+    A contact on the drifting values must be found with exactly its own taxels.
+    """
     rng, extractor = np.random.default_rng(6), PatternExtractor()
     for k in range(500):
         assert not extractor.extract(sense * k / 50 + rng.standard_normal(SHAPE)).contacts
@@ -157,7 +166,7 @@ def test_values_that_were_tared_have_a_level_that_no_pad_at_rest_reaches():
 @pytest.mark.slow
 @pytest.mark.parametrize('unit', ['Pa', None])
 def test_an_object_that_is_held_does_not_drown_in_noise_that_rises(unit):
-    """A motor starts and makes the noise ten times as large. No frame may say that the pad is empty."""
+    """A motor starts, and the noise becomes ten times as large. No frame may report the pad as empty."""
     rng, extractor, held = np.random.default_rng(8), PatternExtractor(unit=unit), np.zeros((16, 16))
     held[5:11, 5:11] = 20e3
     for _ in range(100):
@@ -182,9 +191,9 @@ def test_level_and_noise_are_those_of_the_resting_taxels():
 @pytest.mark.parametrize('taxels', [1, 5, 20, 31])
 @pytest.mark.parametrize('below', [30.0, 1e3, 1e6])
 def test_a_few_taxels_far_below_the_others_hide_no_contact(taxels, below):
-    """Taxels that have lost their offset read like this.
+    """Taxels that have lost their offset have values far below the others.
 
-    If they counted as noise, nothing would be pressed, and a held object would be lost.
+    If these taxels counted as noise, no taxel would be pressed, and a held object would be lost.
     """
     rng = np.random.default_rng(8)
     for covered in (0, 30, 120):

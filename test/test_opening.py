@@ -1,4 +1,4 @@
-"""The opening of a gripper from joints or frames: makers, signs, units, and trees of frames."""
+"""The opening of a gripper from joint states or frames: makers' grippers, signs, units, and trees of frames."""
 
 from math import atan2, cos, inf, isnan, nan, pi, sin, sqrt
 
@@ -9,8 +9,8 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import FrameTree, Gripper, PadPose, Transform, contact_line, rotation_matrix
 from tactile_node.grasp.opening import GapSource, LatestGap, is_plausible
 
-# Two 16x16 pads of 2 mm pitch touch skin to skin when closed. The left pad looks along z. The right pad is rotated by
-# pi about x and looks along -z, so its y axis points against that of the gripper.
+# When the gripper is closed, the skins of two 16x16 pads with 2 mm pitch touch. The left pad faces along z. The right
+# pad is rotated by pi about x and faces along -z, so its y axis points opposite to the gripper's.
 PADS = Gripper(PadPose((-0.015, -0.015, 0.0), (0.0, 0.0, 0.0)), PadPose((-0.015, 0.015, 0.0), (pi, 0.0, 0.0)))
 
 
@@ -64,7 +64,8 @@ def test_a_wrong_limit_is_refused(limit):
         LatestGap(GapSource.TF, limit)
 
 
-QUARTER = (0.0, 0.0, sin(pi / 4), cos(pi / 4))  # Quaternion of a quarter turn about z, which turns x to y and y to -x.
+# Quaternion for a quarter turn about z, which turns x into y and y into -x.
+QUARTER = (0.0, 0.0, sin(pi / 4), cos(pi / 4))
 STRAIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -73,7 +74,10 @@ def at(x, y, z, quaternion=STRAIGHT):
 
 
 def gripper(left=0.02, right=0.02, measured=100.0):
-    """Return a tree in which a hand is turned by a quarter at the end of an arm. Its fingers slide along its y axis."""
+    """Return a frame tree in which the hand at the end of an arm is rotated by a quarter turn.
+
+    The fingers of the hand slide along its y axis.
+    """
     tree = FrameTree()
     tree.set('flange', 'base', at(1, 2, 3), 7.0)
     tree.set('hand', 'flange', at(0, 0, 0.1, QUARTER))
@@ -85,7 +89,7 @@ def gripper(left=0.02, right=0.02, measured=100.0):
 def test_a_quaternion_rotates_as_in_rep_103():
     assert rotation_matrix(*QUARTER) @ (1, 0, 0) == pytest.approx([0, 1, 0])
     assert rotation_matrix(1, 0, 0, 0) @ (0, 1, 2) == pytest.approx([0, -1, -2])
-    # A quarter turn about y; the quaternion has the length 2.8.
+    # A quarter turn about y, given by a quaternion of length 2.8.
     assert rotation_matrix(0, 2, 0, 2) @ (0, 0, 1) == pytest.approx([1, 0, 0])
 
 
@@ -94,7 +98,7 @@ def test_up_down_and_across_the_tree():
     assert tree.find('left', 'hand').transform.translation == pytest.approx([0, -0.02, 0.05])
     assert tree.find('hand', 'left').transform.translation == pytest.approx([0, 0.02, -0.05])
     assert tree.find('right', 'left').transform.translation == pytest.approx([0, 0.04, 0])
-    # The hand's -y axis points along x of the base.
+    # The hand's -y axis points along the x axis of the base.
     assert tree.find('left', 'base').transform.translation == pytest.approx([1.02, 2, 3.15])
     assert tree.find('base', 'hand').transform.translation == pytest.approx([-2, 1, -3.1])
     assert tree.find('hand', 'hand').transform.translation == pytest.approx([0, 0, 0])

@@ -1,6 +1,6 @@
-"""The opening of the gripper in a running node, and values that the node must never take for the present opening.
+"""The opening of the gripper in a running node, and values that the node must never use as the present opening.
 
-The grippers are those of their makers' drawings. Each expected number is computed by hand.
+The grippers have the dimensions in their makers' drawings. Each expected number is computed by hand.
 """
 
 from math import inf, isinf, isnan, nan
@@ -27,16 +27,18 @@ from tactile_node.ros.settings import GraspNodeSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-LIMIT = 0.3  # Value of max_gap_age [s].
-PERIOD = 0.01  # Period of the joint states [s].
-# Each finger moves by half of the gap.
+#: Value of the parameter max_gap_age [s].
+LIMIT = 0.3
+#: Period of the joint states [s].
+PERIOD = 0.01
+#: Each finger moves by half of the gap.
 TWO_FINGERS = {'gap_source': 'joint_states', 'gap_joints': ['finger_left', 'finger_right']}
 KNUCKLE = {'gap_source': 'joint_states', 'gap_joints': ['knuckle'], 'gap_offset': 0.085, 'gap_scale': -0.1}
 ARM = (['shoulder', 'elbow'], [0.1, 0.2])
 
 
 class Gripper(TimedBench):
-    """A node with an opening source, and a publisher of joint states beside it."""
+    """A node with a source of the opening, and a publisher of joint states."""
 
     def __init__(self, stack):
         super().__init__(stack, PERIOD)
@@ -61,7 +63,7 @@ class Gripper(TimedBench):
         return self.source.subscriptions[0].counts
 
     def send(self, names, positions, stamp=0.0):
-        """Publish one joint state; return the opening once the state has been received."""
+        """Publish one joint state and return the opening after the node has received the joint state."""
         received = self.counts.received
         header = Header(stamp=Time(sec=int(stamp), nanosec=round(stamp % 1 * 1e9)))
         self.publisher.publish(JointState(header=header, name=names, position=positions))
@@ -99,7 +101,7 @@ def test_joint_states_of_an_arm_on_the_same_topic_are_neither_an_opening_nor_a_f
     gripper.send(['knuckle'], [0.5])
     gripper.send(*ARM)
     assert gripper.current().gap == pytest.approx(0.035) and not gripper.counts.dropped
-    for _ in range(round(2 * LIMIT / PERIOD)):  # The joint states of the arm do not keep the gripper's opening current.
+    for _ in range(round(2 * LIMIT / PERIOD)):  # Joint states of the arm do not renew the age of the gripper's opening.
         gripper.step()
         gripper.send(*ARM)
     assert isnan(gripper.current().gap)
@@ -107,13 +109,14 @@ def test_joint_states_of_an_arm_on_the_same_topic_are_neither_an_opening_nor_a_f
 
 @pytest.mark.parametrize('names, positions, reason', [
     (['finger_left', 'finger_right'], [0.03], R.WRONG_LENGTH),
-    (['finger_left', 'finger_right'], [], R.WRONG_LENGTH),  # The message has only velocities or efforts.
+    (['finger_left', 'finger_right'], [], R.WRONG_LENGTH),  # The joint state contains only velocities or efforts.
     (['finger_left', 'finger_right'], [0.03, nan], R.NOT_FINITE),
     (['finger_left', 'finger_right'], [0.03, float('inf')], R.NOT_FINITE),
     (['finger_left'], [0.03], R.MISSING_JOINT),
     (['finger_left', 'finger_right', 'finger_left'], [0.03, 0.03, 0.01], R.INCONSISTENT),
-    (['finger_left', 'finger_right'], [-0.03, -0.03], R.IMPLAUSIBLE_OPENING),  # The sign is wrong.
-    (['finger_left', 'finger_right'], [30.0, 30.0], R.IMPLAUSIBLE_OPENING)])  # The values are millimetres.
+    # The sign of the joint position is wrong.
+    (['finger_left', 'finger_right'], [-0.03, -0.03], R.IMPLAUSIBLE_OPENING),
+    (['finger_left', 'finger_right'], [30.0, 30.0], R.IMPLAUSIBLE_OPENING)])  # The joint positions are in millimetres.
 def test_a_malformed_joint_state_is_dropped_and_counted(gripper, names, positions, reason):
     gripper.make(**TWO_FINGERS)
     assert isnan(gripper.send(names, positions).gap)
@@ -156,7 +159,10 @@ def test_the_diagnostic_has_the_reason(opening, words):
 
 
 def test_two_controllers_that_disagree_about_the_time_are_no_opening(gripper):
-    """The joint states of the two controllers alternate. Neither gives the present opening."""
+    """The joint states of the two controllers alternate.
+
+    The joint states of neither controller give the present opening.
+    """
     gripper.make(**KNUCKLE)
     first, second = Sender(gripper, 1.7e9), Sender(gripper, 1.7e9 - 5.0)
     for _ in range(60):
@@ -169,7 +175,7 @@ def test_a_nan_of_another_joint_is_not_ours(gripper):
 
 
 class Sender:
-    """Sends a joint state every PERIOD with stamps of another clock, as a controller does."""
+    """Sends one joint state per PERIOD, stamped by another clock, as a controller does."""
 
     def __init__(self, gripper, clock):
         self.gripper = gripper
@@ -180,7 +186,7 @@ class Sender:
         return self.gripper.send(['knuckle'], [angle], self.gripper.steady() + self.shift)
 
     def send_until_known(self, angle=0.5):
-        """Send until the smallest delay on the way is settled; return the opening."""
+        """Publish joint states until the node has found the smallest transport delay, and return the opening."""
         end = self.gripper.steady() + TIMEOUT
         while isnan((opening := self.send(angle)).gap):
             assert self.gripper.steady() < end, 'not known'
@@ -213,16 +219,16 @@ def test_joint_states_that_were_held_back_are_no_opening(gripper):
     sender.send_until_known()
     stamps = [gripper.steady() + sender.shift + 0.01 * i for i in range(10)]
     gripper.wait(1.0)
-    for stamp in stamps:  # All of them arrive at once.
+    for stamp in stamps:  # All joint states of the list arrive at once.
         assert isnan(gripper.send(['knuckle'], [0.5], stamp).gap)
     assert gripper.current().age > 0.8
     assert sender.send_until_known().gap == pytest.approx(0.035)
 
 
 def test_what_was_held_back_before_the_node_started_is_no_opening(gripper):
-    """All first messages may be late by the same time.
+    """The first messages may all be late by the same delay.
 
-    Their age is unknown until the node knows that no message arrives sooner.
+    The age of a joint state is unknown until the node has found the smallest delay of all messages.
     """
     gripper.make(**KNUCKLE)
     for i in range(3):

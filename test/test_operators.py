@@ -43,7 +43,7 @@ def test_only_extremes_are_those_of_all(seed):
 
 
 def membrane(name, size):
-    """Return the mask of a shape of ``size`` steps and its membrane eigenvalue.
+    """Return the mask of a shape that is ``size`` lattice steps wide, and the shape's membrane eigenvalue.
 
     The lattice points on the outline lie outside the mask.
     """
@@ -51,7 +51,7 @@ def membrane(name, size):
     if name == 'right isosceles triangle':
         return (x > 0) & (y > 0) & (x + y < size), 5 * np.pi ** 2
     if name == 'equilateral triangle':
-        y -= 0.5  # The base lies between two rows, so no row is nearer to the outline than the others.
+        y -= 0.5  # The base lies half-way between two rows of lattice points.
         return (y > 0) & (y < np.sqrt(3) * np.minimum(x, size - x)), 16 * np.pi ** 2 / 3
     radius = np.hypot(x - size / 2 - 0.5, y - size / 2 - 0.5)
     return radius < size / 2, (2 * 2.404825557695773) ** 2

@@ -1,4 +1,7 @@
-"""The example for skins that are not on CANopen. Their taxels are recognised, and taxels without a value are NaN."""
+"""The example node for skins that do not use CANopen.
+
+The example must recognise a shape on such a skin, and publish NaN for taxels without a value.
+"""
 
 import os
 import subprocess
@@ -48,7 +51,10 @@ def context():
 
 
 def counts(contact, seed):
-    """Return a frame of a skin whose counts fall by one for each 25 Pa. One taxel has no value."""
+    """Return a frame of a skin whose counts fall by one for each 25 Pa of pressure.
+
+    One taxel of the skin has no value.
+    """
     pressures = pressure_frame(contact, np.random.default_rng(seed), ROWS, COLS, skin=Skin(noise=0.003))
     frame = np.rint(REST - pressures / COUNT)
     frame[DEAD] = np.nan
@@ -98,16 +104,16 @@ def test_frames_of_another_size_are_dropped_and_leave_a_gap():
 
 
 def test_messages_of_makers_are_read():
-    """StaticData of robotiq_tsf has two pads of 28 numbers.
+    """The message StaticData of robotiq_tsf has two pads of 28 numbers each.
 
-    SensStream of xela_server_ros2 has forces along x, y and z [N].
+    The message SensStream of xela_server_ros2 has forces along x, y and z [N].
     """
     static = SimpleNamespace(taxels=[SimpleNamespace(values=[1] * 28), SimpleNamespace(values=[2] * 28)])
     forces = [SimpleNamespace(x=9.0, y=9.0, z=float(z)) for z in range(16)]
     stream = SimpleNamespace(sensors=[SimpleNamespace(sensor_pos=2, forces=forces)])
     assert list(example.SOURCES['robotiq'][2](static, 1)) == [2] * 28
     assert example.SOURCES['xela'][2](stream, 1) == [float(z) for z in range(16)]
-    assert example.SOURCES['xela'][2](stream, 0) == []  # The message lacks the sensor of this pad.
+    assert example.SOURCES['xela'][2](stream, 0) == []  # The message has no values for the sensor of this pad.
 
 
 @pytest.mark.parametrize('order', ['<', '>'])
@@ -145,7 +151,7 @@ def test_the_page_names_beside_a_field_for_which_reason_a_wrong_one_is_dropped(f
 
 @pytest.mark.bus
 def test_two_serial_devices_started_as_on_the_page_give_a_view_and_a_grasp(monkeypatch):
-    """A square is pressed between both pads. Pseudo-terminals replace the devices."""
+    """A square is pressed between both pads. Pseudo-terminals stand in for the serial ports of the devices."""
     words = next(each.words[1:] for each in commands_of(PAGE, '') if 'other_skin.py' in each.text)
     pressures = pressure_frame(Contact('square', (SIDE,), 3.6, 5.4, 0.2), np.random.default_rng(1), 12, 8)
     rng, keyboards, grasps = np.random.default_rng(20261125), [], []
@@ -172,9 +178,9 @@ def test_two_serial_devices_started_as_on_the_page_give_a_view_and_a_grasp(monke
                     counts = np.rint(400 + load * pressed / pressures.max()
                                      + 4 * rng.standard_normal(pressed.shape)).astype(int)
                     os.write(keyboard, ' '.join(map(str, counts.ravel())).encode() + b'\n')
-                time.sleep(0.08)  # At this pace, a busy machine keeps up.
+                time.sleep(0.08)  # Even a busy machine can process this many frames per second.
         send_until(lambda: grasps and grasps[-1].contact == Grasp.NO_CONTACT, 0)
-        monkeypatch.setattr(rclpy, 'init', lambda **given: None)  # ROS is already running.
+        monkeypatch.setattr(rclpy, 'init', lambda **given: None)  # ROS is already initialised.
         view = TopicSource()
         stack.callback(view.stop)
         view.start()
@@ -184,8 +190,8 @@ def test_two_serial_devices_started_as_on_the_page_give_a_view_and_a_grasp(monke
 
 
 def ended(monkeypatch, capfd, *parameters):
-    """Run the example as a program; return its exit code and the last line that it prints."""
-    rclpy.try_shutdown()  # The example makes its own context.
+    """Run the example as a program, and return its exit code and the last line that it prints."""
+    rclpy.try_shutdown()  # The example initialises ROS itself.
     monkeypatch.setattr(sys, 'argv', ['other_skin.py', '--ros-args', *chain(*(('-p', each) for each in parameters))])
     code = example.main()
     printed = capfd.readouterr().err
@@ -227,7 +233,8 @@ def test_lines_of_a_serial_port_are_frames_and_a_word_that_is_no_number_is_nan()
     reading = threading.Thread(target=node.read_serial)
     reading.start()
     end = time.monotonic() + TIMEOUT
-    while not (sent and sent[-1].values[0]):  # The lines at rest that wait in the port are read first.
+    # The example first reads the lines at rest that are still queued in the port.
+    while not (sent and sent[-1].values[0]):
         assert time.monotonic() < end
         os.write(keyboard, b'300, 300 300\n' if len(node._first) < example.ZERO_FRAMES else b'296, 1x 300\n')
         time.sleep(0.01)

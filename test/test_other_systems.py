@@ -1,6 +1,6 @@
-"""On Windows, library and commands run without ROS and without the modules that Python has only on Linux.
+"""On Windows, the library and the commands run without ROS, and without the Python modules that exist only on Linux.
 
-`simulate` reports that it does not work there.
+The command `simulate` reports that it does not work on Windows.
 """
 
 import json
@@ -15,8 +15,8 @@ from tactile_node.cli.main import COMMANDS
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
-#: Windows lacks these modules. It has pty and tty, but they fail without termios. pyserial works there, so it is
-#: imported first.
+#: Windows lacks these modules. Python on Windows has pty and tty, but they fail without termios. pyserial works on
+#: Windows, so the test imports it first.
 WINDOWS = """
 import os, serial, signal, sys
 for name in ('termios', 'fcntl', 'resource', 'grp', 'pwd', 'readline', 'rclpy', 'tactile_skin', 'std_msgs'):

@@ -1,7 +1,9 @@
-"""A host has another version of our messages. The middleware joins it, and values would be read from wrong places.
+"""One host runs another version of our messages.
 
-The test builds that version once, which takes 10 s. It therefore runs only with TACTILE_LONG. See also
-test_malformed_messages.py.
+The middleware connects both versions, and would read values from the wrong places.
+
+The test builds the other version of the messages once, which takes 10 s. Because of this build, the test runs only with
+TACTILE_LONG. See also test_malformed_messages.py.
 """
 
 import os
@@ -44,7 +46,7 @@ def old_publisher() -> subprocess.Popen:
 
 
 def test_no_message_of_another_version_is_used(ros):
-    """Without the check, its 2 rows of 3 taxels would be read as 3 rows of 2, and nothing would report it."""
+    """Without the version check, 2 rows of 3 taxels would silently be read as 3 rows of 2."""
     bench, received = RosBench(ros), []
     subscription = GuardedSubscription(bench.add('reader'), TaxelArray, 'left/taxels', received.append,
                                        frames_qos(10), check=check_taxel_array)

@@ -1,4 +1,4 @@
-"""An output file is either complete or unchanged, and an input is never the output."""
+"""A command leaves an output file either complete or unchanged, and never writes to its input file."""
 
 import os
 import stat
@@ -35,7 +35,7 @@ def test_a_log_that_cannot_be_played_leaves_the_output_as_it_was(kept, capsys):
 @pytest.mark.parametrize('command', ['features', 'classify'])
 @pytest.mark.parametrize('name', ['keep.npy', 'link.npy'])
 def test_an_array_is_not_overwritten_by_what_is_found_in_it(command, name, kept, capsys):
-    """The array is also safe from a link to it, and from --force."""
+    """A link to the array, or the option --force, must not overwrite the array."""
     if name != kept.name:
         kept.with_name(name).symlink_to(kept)
     assert main([command, str(kept), '-o', str(kept.with_name(name)), '--force']) == 2

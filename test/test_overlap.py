@@ -1,4 +1,4 @@
-"""The best overlap of a figure with the five shapes, compared with known answers and a slow search over a fine grid."""
+"""Largest overlap of a figure with the five shapes, compared with known values and a search over a fine grid."""
 
 import os
 
@@ -9,7 +9,7 @@ from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.overlap import Limits, best_overlap, overlaps
 from training.ground_truth.raster import as_raster, coarser
 
-NEAR = 0.006  #: Error that best_overlap promises, plus the error of the grid.
+NEAR = 0.006  #: Error bound of best_overlap, plus the error of the grid.
 SIDE = 400
 
 
@@ -61,7 +61,7 @@ def test_a_figure_may_turn_grow_and_have_holes_and_pieces():
 
 def test_limits_say_what_is_a_rectangle():
     narrow = Limits(ratio=(1, 1.5), legs=(1.5, 2.5), apex=(40, 75))
-    # Height of the best rectangle of width 1.5 * height on 3 x 1, from d/dh 1.5 h / (3 + 1.5 h² - 1.5 h) = 0.
+    # The best rectangle of width 1.5 * height on 3 x 1 has this height, from d/dh 1.5 h / (3 + 1.5 h² - 1.5 h) = 0.
     height = np.sqrt(2)
     best = 1.5 * height / (3 + 1.5 * height ** 2 - 1.5 * height)
     assert 0.5 < overlaps(np.ones((40, 120), bool), narrow)['rectangle'] < best + NEAR
@@ -71,7 +71,7 @@ def test_limits_say_what_is_a_rectangle():
 
 def test_a_raster_keeps_the_area():
     triangle = np.array([[0, 0], [8, 0], [0, 4]], float)
-    for corners in (triangle, triangle[::-1]):  # The corners are given in both senses of rotation.
+    for corners in (triangle, triangle[::-1]):  # The corners are given clockwise and counterclockwise.
         raster = as_raster(corners, cells=40)
         assert raster.shape == (20, 40)
         assert raster.sum() == pytest.approx(16 * 25, rel=1e-9)

@@ -1,4 +1,7 @@
-"""A stage that is too slow works on the newest frame and counts the others. A lossless replay loses nothing."""
+"""A stage that is too slow processes the newest frame and counts the frames that it missed.
+
+In a lossless replay, a slow stage loses no frame.
+"""
 
 import threading
 import time
@@ -28,9 +31,9 @@ def taxels(sequence):
 
 
 def followed_at_half_speed(ros, lossless):
-    """Send SENT messages to a stage that takes two periods for each one.
+    """Send SENT messages to a stage that needs two periods for each message.
 
-    Return its subscription and the processed messages.
+    Return the subscription of the stage and the processed messages.
     """
     bench = RosBench(ros)
     sender, receiver = rclpy.create_node('sender'), bench.add('receiver')
@@ -63,14 +66,14 @@ def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(ros
     assert counts.received == SENT and counts.processed == len(numbers) < SENT
     assert counts.overtaken == SENT - len(numbers) and not counts.dropped and not counts.skipped
     assert numbers == sorted(numbers)
-    # If all messages were processed in order, the last one would be SENT periods old.
+    # If the stage processed every message in order, the last message would be SENT periods old.
     assert np.median(ages) < SENT * PERIOD / 4
 
 
 def test_what_a_stage_before_has_left_out_is_no_loss(ros):
-    """The processing node once left out frames within its allowed 5 %.
+    """In an earlier version, the processor left out frames within its allowance of 5 %.
 
-    The classifier then warned that they had been lost.
+    The classifier then reported the omitted frames as lost.
     """
     bench = RosBench(ros)
     receiver, left_out, qos = bench.add('receiver'), [], frames_qos(SENT)
@@ -78,7 +81,7 @@ def test_what_a_stage_before_has_left_out_is_no_loss(ros):
                                        callback=lambda message: left_out.append(subscription.left_out))
     publisher = bench.add('sender').create_publisher(Contact, 'contact', qos)
     bench.until(publisher.get_subscription_count)
-    # In the last gap, one message is lost.
+    # One message is lost between the last two messages.
     for received, (sequence, before) in enumerate(((1, 0), (2, 0), (5, 2), (9, 2)), 1):
         message = Contact(sequence=sequence, left_out=before)
         message.header.stamp = receiver.get_clock().now().to_msg()

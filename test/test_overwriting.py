@@ -1,4 +1,7 @@
-"""No command replaces an existing file without --force. The command refuses before it starts its work."""
+"""No command replaces an existing file without the option --force.
+
+A command refuses to overwrite a file before it starts its work.
+"""
 
 import argparse
 import os
@@ -11,8 +14,8 @@ from tactile_node.cli.main import COMMANDS, _parser, main
 
 LOG = str(DATA / 'sim16x16_two_pads.log.gz')
 RECORD = ['record', '--interface', 'virtual', '--duration', '0.1', 'x.log']
-#: Commands that write one file, whose name comes last. All inputs are missing, or there is no bus, so the refusal must
-#: come first.
+#: Commands that write one file, whose name is their last argument. All inputs or the bus are missing, so a command must
+#: refuse to overwrite before it reads them.
 WRITES = [
     ['features', 'none.npy', '-o', 'x.json'], ['classify', 'none.npy', '-o', 'x.json'],
     ['calibrate', 'none.npy', '--radius', '0.01', '--pitch', '0.002', '-o', 'x.yaml'],
@@ -20,7 +23,8 @@ WRITES = [
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'new.npz', '--picture', 'x.png'],
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
     ['replay', 'none.log', '-o', 'x.npz'], ['report', 'none.log', '-o', 'x.html']]
-APPENDS_OR_NUMBERS = {'simulate', 'bringup'}  # Commands with --report or --record, which append or number their files.
+# Commands whose --report or --record appends to a file or numbers its files.
+APPENDS_OR_NUMBERS = {'simulate', 'bringup'}
 
 
 @pytest.fixture

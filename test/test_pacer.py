@@ -1,4 +1,4 @@
-"""How often an action runs: at a fixed pace, and after changes."""
+"""An action runs at a fixed pace, or after changes."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from tactile_node.bus.threads import Schedule
 
 
 def times(delays, period=1.0, lasts=0.0):
-    """Return the times at which delayed calls begin, and the number of overruns."""
+    """Return the start times of delayed calls, and the number of overruns."""
     schedule, begun = Schedule(period, 0.0), []
     now = 0.0
     for delay in delays:
@@ -41,7 +41,7 @@ ROUND = 0.05  # Time between two rounds [s].
 
 
 def published(states, pause=ROUND):
-    """Return (time, state) of each published state; there is one state per round."""
+    """Return (time, state) of each published state, given one state per round."""
     pace, found = ChangePace(), []
     for number, state in enumerate(states):
         now = 100 + number * pause

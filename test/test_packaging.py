@@ -1,4 +1,4 @@
-"""Facts that are stated in two places agree: versions of the package and of its dependencies."""
+"""Versions that are stated in two places, of the package and of its dependencies, must agree."""
 
 import os
 import re
@@ -37,7 +37,7 @@ LOCKS = 'lock.txt', 'lock_kilted.txt'
 
 @pytest.mark.parametrize('name', LOCKS)
 def test_every_package_of_the_lock_has_the_hashes_of_its_files(name):
-    """Without hashes, pip would accept whatever the index delivers under that version."""
+    """Without hashes, pip would accept any file that the index delivers under the requested version."""
     lock = (ROOT / 'requirements' / name).read_text(encoding='utf-8')
     packages = re.split(r'^(?=[\w-]+==)', lock, flags=re.MULTILINE)[1:]
     assert len(packages) > 150
@@ -46,7 +46,7 @@ def test_every_package_of_the_lock_has_the_hashes_of_its_files(name):
     assert 'http' not in lock and 'index-url' not in lock
 
 
-# The first name is for pip, the second for ament.
+# pip uses the first name, and ament uses the second.
 @pytest.mark.parametrize('distribution', ['tactile_skin', 'tactile_node'])
 def test_an_installation_has_the_version_of_its_own_metadata(distribution, tmp_path, monkeypatch):
     info = tmp_path / f'{distribution}-7.8.9.dist-info'
@@ -72,7 +72,7 @@ def test_the_canopen_of_the_install_page_is_the_pinned_one():
 @pytest.mark.slow
 @pytest.mark.skipif(not shutil.which('dpkg-deb'), reason='dpkg-deb is not installed')
 def test_the_debian_package_of_canopen_holds_all_of_it(tmp_path):
-    """`make deb-test` installs the package in a clean Debian."""
+    """`make deb-test` installs the package in a clean Debian system."""
     made = make_canopen_deb.make(tmp_path)
     subprocess.run(['dpkg-deb', '--extract', made, tmp_path], check=True)
     libraries = tmp_path / 'usr/lib/python3/dist-packages'

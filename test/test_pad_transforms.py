@@ -1,6 +1,6 @@
-"""The frames of the pads on tf, without a URDF.
+"""The node publishes the frames of the pads on tf, without a URDF.
 
-A frame is published only at its true place, and only while that place is known.
+The node publishes a pad frame only while the true pose of the pad is known.
 """
 
 import logging
@@ -28,15 +28,16 @@ from tactile_node.ros.settings import GraspNodeSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 
-LIMIT = 0.3  # Value of max_gap_age [s].
-#: The pads of urdf/example_gripper.urdf.xacro.
+#: Value of the parameter max_gap_age [s].
+LIMIT = 0.3
+#: Poses of the pads in urdf/example_gripper.urdf.xacro.
 POSES = {'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
          'right_xyz': [-0.015, 0.0, 0.115], 'right_rpy': [pi / 2, 0.0, 0.0]}
 JOINTS = {'gap_source': 'joint_states', 'gap_joints': ['finger']}
 
 
 class FrameGripper(RosBench):
-    """A node that publishes the frames, and a listener."""
+    """A node that publishes the pad frames, and a node that receives them."""
 
     def __init__(self, stack):
         super().__init__(stack)
@@ -54,7 +55,7 @@ class FrameGripper(RosBench):
         publish_pad_frames(self.node, settings, gripper, source)
 
     def listen(self, kind, topic, qos):
-        """Return a list that receives each message as {frame: transform}."""
+        """Return a list that collects each message as {frame: transform}."""
         heard = []
         self.beside.create_subscription(
             kind, topic, lambda given: heard.append({each.child_frame_id: each for each in given.transforms}), qos)
@@ -65,7 +66,7 @@ class FrameGripper(RosBench):
         return heard[-1]
 
     def wait_for_the_end(self, heard):
-        """Wait until no message arrives for twice the time for which an opening is valid."""
+        """Wait until no message has arrived for twice the time for which an opening stays valid."""
         end, before = time.monotonic() + TIMEOUT, -1
         while len(heard) > before:
             assert time.monotonic() < end, 'the messages do not stop'
@@ -84,7 +85,7 @@ def origin(transform):
 
 
 def check(transforms, gap, parent='gripper', names=('left_pad', 'right_pad')):
-    """Compare the frames with the drawing of the example gripper, as in test_urdf.py."""
+    """Compare the pad frames with the drawing of the example gripper, as in test_urdf.py."""
     left, right = (transforms[name] for name in names)
     assert len(transforms) == 2 and {each.header.frame_id for each in (left, right)} == {parent}
     assert origin(left) == pytest.approx((-0.015, -gap / 2, 0.145))
@@ -99,7 +100,7 @@ def test_at_a_given_opening_they_are_static_and_come_late_too(gripper, tf_messag
     heard = gripper.listen(tf_message, '/tf_static', TF_STATIC_QOS)
     check(gripper.wait_for(heard), 0.04)
     gripper.wait(0.3)
-    assert len(heard) == 1  # The frames are published once.
+    assert len(heard) == 1  # The node publishes the frames only once.
     assert gripper.node.set_parameters([Parameter('gap', value=0.01)])[0].successful
     check(gripper.wait_for(heard, 2), 0.01)
 
@@ -147,7 +148,8 @@ def test_at_an_opening_from_tf_they_come_beside_the_fingers_and_do_not_feed_them
         gripper.wait(0.05)
     gripper.wait_for_the_end(heard)
     check(of_pads()[-1], 0.030)
-    assert len(of_pads()) <= 10  # Each measurement has one message. No message follows the last measurement.
+    # The node publishes one message per measurement, and no message after the last measurement.
+    assert len(of_pads()) <= 10
 
 
 @pytest.mark.parametrize('parameters', [

@@ -1,8 +1,9 @@
-"""The load that the pads put on a bus: a user who plans too many pads is warned before any frame is lost.
+"""The bus load that pads cause. A user who plans too many pads must be warned before any frame is lost.
 
-The bit counts are from ISO 11898-1. In a standard data frame of n bytes, 34 + 8 n bits are stuffed: start bit,
-identifier, RTR, IDE, r0, DLC, data and CRC. There is at most one stuff bit for the first five bits and one for each
-four bits after them. A further 13 bits are not stuffed. For n = 8, the sum is 98 + 24 + 13.
+The bit counts in this module follow ISO 11898-1. In a standard data frame of n bytes, 34 + 8 n bits are subject to bit
+stuffing: start bit, identifier, RTR, IDE, r0, DLC, data and CRC. At most one stuff bit follows the first five bits, and
+at most one follows each further four bits. Another 13 bits are not subject to bit stuffing. For n = 8, a frame has 98 +
+24 + 13 bits.
 """
 
 import logging
@@ -71,7 +72,10 @@ def test_a_bus_that_would_be_too_full_is_refused_with_the_rate_that_fits(pads, l
 @pytest.mark.slow
 @pytest.mark.parametrize('pads, rate, load', [(1, 50, None), (4, 50, None), (3, 100, 1.3015), (4, 100, 1.7335)])
 def test_the_driver_starts_and_warns_of_pads_that_its_bus_cannot_carry(pads, rate, load, caplog):
-    """A user who reads only the log is warned before the first frame is missing. Later warnings are in the status."""
+    """A user who reads only the log must be warned before the first frame is missing.
+
+    Warnings after the first one appear only in the status.
+    """
     settings = BusSettings('virtual', f'planned{pads}at{rate}', sync_period=1 / rate, allow_full_bus=True)
     placed = placed_pads(pads)
     bus = Supervisor(settings, placed, lambda name, frame: None)

@@ -1,4 +1,4 @@
-"""The example client decides as its docstrings say, and never on information that is old or not seen."""
+"""The example client decides as its docstrings state, and never acts on old or hidden data."""
 
 import os
 import subprocess
@@ -26,7 +26,7 @@ SQUARE, OTHER, UNKNOWN = 4, 8, 2
 MOTIONS = {name: [SimpleNamespace(moving=1, observable=1), SimpleNamespace(moving=moving, observable=observable)]
            for name, moving, observable in (('still', 1, 2), ('slides', 2, 3), ('not known', 0, 3), ('blind', 1, 0),
                                          ('turns would show', 1, 4))}
-#: A rectangle has symmetry 2; the fields are those of Grasp.msg.
+#: A rectangle has symmetry 2. The names of the fields are those in Grasp.msg.
 GOOD = {'contact': Codes.TWO_SIDED, 'fresh': True, 'stable': True, 'line_is_bound': False, 'offset': 0.0,
         'misalignment': nan, 'axis': (nan, nan, nan), 'lean': (0.0, 0.0), 'shape': SQUARE,
         'class_name': 'square', 'confidence': 0.99, 'dimensions': [0.01], 'centre': AIM, 'yaw': 0.0, 'symmetry': 2,
@@ -48,16 +48,18 @@ def choose(**changes):
 
 
 @pytest.mark.parametrize(('changes', 'action'), [
-    ({}, 'lift'), ({'stable': False}, 'wait'), ({'offset': nan}, 'wait'),  # The place of the object is unknown.
-    (UNKNOWN_OBJECT | {'hidden_taxels': [0, 3]}, 'wait'),  # The object is known only in part.
+    ({}, 'lift'), ({'stable': False}, 'wait'), ({'offset': nan}, 'wait'),  # The position of the object is unknown.
+    (UNKNOWN_OBJECT | {'hidden_taxels': [0, 3]}, 'wait'),  # Only a part of the object is visible.
     (UNKNOWN_OBJECT, 'regrasp'), (UNKNOWN_OBJECT | {'stable': False}, 'wait'),
     ({'confidence': 0.5, 'stable': False}, 'wait'), ({'confidence': 0.5}, 'regrasp'),
-    ({'dimensions': [], 'yaw': nan, 'symmetry': 0}, 'regrasp'),  # There is no fit.
-    ({'yaw': nan}, 'regrasp'),  # The sides contradict each other.
-    ({'offset': 0.004}, 'regrasp'),  # Without an opening, the angle is not known.
+    ({'dimensions': [], 'yaw': nan, 'symmetry': 0}, 'regrasp'),  # No outline could be fitted.
+    # The yaws of the two sides contradict each other.
+    ({'yaw': nan}, 'regrasp'),
+    # Without an opening, the misalignment is unknown.
+    ({'offset': 0.004}, 'regrasp'),
     # The line between the contacts is short.
     ({'offset': 0.001, 'misalignment': 0.1, 'axis': (sin(0.1), 0.0, cos(0.1))}, 'tilt'),
-    ({'yaw': nan, 'symmetry': 0}, 'lift')])  # The object is a circle.
+    ({'yaw': nan, 'symmetry': 0}, 'lift')])  # The object is a circle, which has no yaw.
 def test_a_grasp_is_lifted_when_it_is_good_and_stable_and_else_improved(changes, action):
     assert choose(**changes).action == action
 
@@ -71,7 +73,7 @@ def test_an_off_centre_object_shifts_the_gripper_after_it():
 @pytest.mark.parametrize(('axis', 'expected'), [
     ((sin(0.2), 0.0, cos(0.2)), (0.0, 0.2, 0.0)), ((0.0, sin(0.2), cos(0.2)), (-0.2, 0.0, 0.0))])
 def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
-    """The values are computed by hand: a rotation about y takes z to x, and one about x takes z to -y."""
+    """The expected values are worked out by hand: a rotation about y turns z into x, and about x turns z into -y."""
     correction = choose(confidence=0.3, offset=0.006, misalignment=0.2, axis=axis)
     assert correction.action == 'tilt' and correction.tilt == pytest.approx(expected)
 
@@ -81,7 +83,8 @@ DIAGONAL = {'offset': 0.008, 'misalignment': 0.15, 'axis': (-sin(0.15), 0.0, cos
 
 def test_a_gripper_is_laid_on_faces_that_lean_whatever_their_line():
     lean = {'lean': (0.02 * client.STIFFNESS, 0.1 * client.STIFFNESS)}
-    for line in ({}, DIAGONAL, {'offset': 0.004}):  # The line is straight, misaligned, or without a known opening.
+    # The line between the contacts is straight, misaligned, or without a known opening.
+    for line in ({}, DIAGONAL, {'offset': 0.004}):
         correction = choose(**line | lean)
         assert correction.action == 'tilt' and correction.tilt == pytest.approx((0.02, 0.1, 0.0))
     assert choose(**DIAGONAL, lean=(nan, nan)).action == 'regrasp'
@@ -93,7 +96,7 @@ def test_a_gripper_is_laid_on_faces_that_lean_whatever_their_line():
 @pytest.mark.parametrize(('angle', 'symmetry', 'expected'), [
     (radians(20), 2, radians(20)), (radians(80), 2, radians(-10)), (radians(-30), 4, radians(-30)),
     (radians(170), 1, radians(-10)),
-    (radians(20), 3, radians(-10))])  # The edges are at 20, 140 and 260 degrees.
+    (radians(20), 3, radians(-10))])  # The edges of the triangle lie at 20, 140 and 260 degrees.
 def test_an_oblique_edge_rotates_the_gripper_the_short_way(angle, symmetry, expected):
     correction = choose(yaw=angle, symmetry=symmetry)
     assert correction.action == 'rotate' and correction.angle == pytest.approx(expected)
@@ -142,16 +145,16 @@ def test_a_decision_ends_with_the_age_of_its_grasp_or_when_grasps_stop():
     assert planner.decide(7.0).action == 'hold'
 
 
-# Running nodes hold an object, and a part fails.
+# In these tests, running nodes hold an object, and one part of the system fails.
 
-FROZEN_AFTER = 0.4  # Time after which a skin counts as frozen [s].
+FROZEN_AFTER = 0.4  # Time after which a skin without new values counts as frozen [s].
 BUSY_PERIOD = 0.05  # Time between two frames [s], long enough for a busy machine.
 STILL = ('hold', 'wait')
 ACTS = ('open', 'regrasp', 'shift', 'rotate', 'tilt', 'lift')
 
 
 class Actions:
-    """Reports of the planner, which is a separate process, and their times."""
+    """The actions that the planner reports from its own process, and the times of these reports."""
 
     def __init__(self, process: subprocess.Popen):
         self._process = process
@@ -172,7 +175,7 @@ class Actions:
         return [action for at, action in self.heard if at > since]
 
     def acting_until(self, since: float) -> float:
-        """Return how long after ``since`` the latest action was still one that moves the gripper [s]."""
+        """Return how long after ``since`` the planner's latest action still moved the gripper [s]."""
         ends = [at for at, _ in self.heard[1:]] + [time.monotonic()]
         return max((end - since for (_, action), end in zip(self.heard, ends) if action in ACTS), default=0.0)
 
@@ -191,7 +194,8 @@ def planning() -> Iterator[Actions]:
 
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
-ATTEMPTS = 3  # A busy machine has this many attempts to be in time. Wrong advice fails at the first attempt.
+# Number of attempts, because a busy machine may be too slow. Wrong advice fails the test at the first attempt.
+ATTEMPTS = 3
 
 
 def freeze(world) -> None:
@@ -211,7 +215,7 @@ def end_grasp(world) -> None:
 
 
 def hide(world) -> None:
-    """Switch off the right pad; the left one continues."""
+    """Switch off the right pad, while the left pad continues."""
     world.skin.power_off(48)
 
 
@@ -226,13 +230,13 @@ def test_a_planner_that_holds_an_object_keeps_still_when_its_sight_fails(fail: C
     pytest.importorskip('rclpy')
     bench = pytest.importorskip('misled_bench')
     late = [acted_too_long(bench, fail, notice)]
-    while LONG and late[-1] > 0 and len(late) < ATTEMPTS:  # `make misled` measures the time until the planner stops.
+    while LONG and late[-1] > 0 and len(late) < ATTEMPTS:  # `make misled` measures how long the planner takes to stop.
         late.append(acted_too_long(bench, fail, notice))
     assert not LONG or late[-1] <= 0, late
 
 
 def acted_too_long(bench, fail: Callable, notice: float) -> float:
-    """Check that the planner keeps still; return for how much longer than allowed it acted on old information [s]."""
+    """Check that the planner stops, and return by how much longer than allowed it acted on old information [s]."""
     driver, period = {'frozen_after': FROZEN_AFTER}, bench.PERIOD if LONG else BUSY_PERIOD
     with planning() as actions, bench.World({'angle': 0.0}, driver=driver, period=period) as world:
         world.wait(lambda: actions.latest == 'lift', 'the planner to lift', timeout=60.0)
@@ -243,7 +247,8 @@ def acted_too_long(bench, fail: Callable, notice: float) -> float:
         stall = sum(length for begin, length in world.stalls if begin + length >= since)
         assert 'open' not in actions.after(since) and 'regrasp' not in actions.after(since)
         too_long = actions.acting_until(since) - (notice + 2 * bench.WITHDRAWN + stall)
-        # The planner opens when it sees that the object is gone. Otherwise this test could not fail.
+        # Without this check, the test could not fail: the planner opens the gripper when it sees that the object is
+        # gone.
         if fail is freeze:
             world.skin.set(is_frozen=False, is_there=False)
             world.wait(lambda: actions.latest == 'open', 'the planner to open', timeout=60.0)
@@ -251,7 +256,10 @@ def acted_too_long(bench, fail: Callable, notice: float) -> float:
 
 
 def test_a_taught_shape_is_centred_and_lifted_and_never_rotated():
-    """A taught shape has no size and no yaw. An angle of 0 would be invented."""
+    """A taught shape has no dimensions and no yaw.
+
+    The test fails if the client makes up an angle of 0 for a taught shape.
+    """
     plug = {'shape': OTHER, 'class_name': 'plug', 'dimensions': [], 'yaw': nan, 'symmetry': 0}
     assert choose(**plug).action == 'lift'
     beside = choose(**plug, centre=(0.02, AIM[1]))

@@ -1,6 +1,6 @@
-"""The planner example in a loop with a simulated gripper.
+"""The example planner runs in a loop with a simulated gripper.
 
-It ends with opposing contacts, or it does not squeeze.
+The loop either ends with opposing contacts, or does not squeeze the object.
 """
 
 import time
@@ -43,7 +43,7 @@ def test_nothing_is_decided_on_what_was_acquired_before_the_gripper_closed():
     assert SETTLE > planner_client.MAX_AGE
     for action in ('lift', *MOVES):
         assert loop().next(Correction(action), SETTLE - 0.01).kind == 'wait'
-    assert GraspLoop().next(Correction('lift'), 1e9).kind == 'wait'  # The gripper has never closed.
+    assert GraspLoop().next(Correction('lift'), 1e9).kind == 'wait'  # The gripper has not closed so far.
 
 
 @pytest.mark.parametrize(('action', 'kind'), [('lift', 'done'), *((each, 'move') for each in MOVES), ('hold', 'wait'),
@@ -75,9 +75,9 @@ def placed(tilt=0.0, shift=0.0):
 
 
 def test_the_world_is_what_statics_says():
-    """The expected values for a square of 12 x 12 mm are computed by hand: force, gap, and a tilted prism.
+    """The expected force, gap and tilt for a square of 12 x 12 mm are worked out by hand.
 
-    The ends of the tilted prism are length * sin(tilt) apart.
+    The two ends of the tilted prism are length * sin(tilt) apart across the closing direction.
     """
     closed = close(placed())
     assert [values.sum() * PITCH**2 for values in closed.values] == pytest.approx([FORCE, FORCE], rel=1e-3)
@@ -94,9 +94,9 @@ TURNS = (0.0, 0.15, 0.0), (0.0, -0.12, 0.0), (0.15, 0.0, 0.0), (-0.09, 0.09, 0.0
 
 
 def advice(monkeypatch, thing, turn=(0.0, 0.0, 0.0), force=2.0, shift=0.0):
-    """Return the planner's advice and the grasp after ``thing`` has been pressed for a while.
+    """Return the planner's advice and the grasp after ``thing`` has been pressed for 20 frames.
 
-    ``turn`` is a rotation vector [rad].
+    ``turn`` is the rotation vector of ``thing`` [rad].
     """
     monkeypatch.setattr(planner_world, 'FORCE', force)
     closed = close(Placed(thing, np.array((AIM[0] + shift, AIM[1], 0.0)), Rotation.from_rotvec(turn)))
@@ -112,9 +112,10 @@ def advice(monkeypatch, thing, turn=(0.0, 0.0, 0.0), force=2.0, shift=0.0):
 @pytest.mark.parametrize(('name', 'turn', 'force'), [
     (name, turn, FORCES[(row + column) % 2]) for row, name in enumerate(FACES) for column, turn in enumerate(TURNS)])
 def test_oblique_faces_are_laid_flat_on_the_pads(name, force, turn, monkeypatch):
-    """A prism stands off at an angle, and friction holds it. Opposite edges touch the left and the right pad.
+    """The gripper holds a tilted prism by friction. Opposite edges of the prism touch the left and the right pad.
 
-    The advice reduces the angle and adds no other error. The line between the contacts is a diagonal of the prism.
+    The planner's advice must reduce the tilt and add no other error. The line between the contacts is a diagonal of the
+    prism.
     """
     thing = Thing(Contact(name, FACES[name], x=0.0, y=0.0), length=0.05)
     found, grasp = advice(monkeypatch, thing, turn, force)
@@ -131,7 +132,7 @@ def test_flat_faces_are_not_tilted_and_ball_ends_along_their_line(force, monkeyp
     rod = Thing(Contact('circle', (8.0,), x=0.0, y=0.0), length=0.05, ball=0.012)
     found, grasp = advice(monkeypatch, rod, (0.0, 0.15, 0.0), force)
     centres = 0.05 - 2 * 0.012
-    # The line between the tops of the balls is computed by hand.
+    # The line between the tops of the balls is worked out by hand.
     line = np.arctan2(centres * np.sin(0.15), centres * np.cos(0.15) + 2 * 0.012)
     assert found.action == 'tilt' and found.tilt == pytest.approx((0.0, line, 0.0), abs=0.02)
 
@@ -147,7 +148,7 @@ def test_oblique_faces_that_the_edge_of_a_pad_cuts_are_not_tilted(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.ros
 def test_from_random_starts_the_contacts_come_to_oppose():
-    """`bench/bench_planner.py` has 50 of these starts."""
+    """`bench/bench_planner.py` runs 50 of these random starts."""
     found = bench_planner.runs(4)
     assert sum(bench_planner.opposes(run.before) for run in found) <= 1
     assert [run.is_right for run in found] == [True] * len(found)
@@ -166,17 +167,17 @@ def test_where_no_move_helps_it_gives_up_and_does_not_squeeze(fault, reason):
 @pytest.mark.slow
 @pytest.mark.ros
 def test_with_wrong_advice_it_is_never_done(monkeypatch):
-    """If wrong advice succeeded, the tests above could not fail."""
+    """If the loop succeeded with wrong advice, the tests above could not fail."""
     monkeypatch.setattr(planner_client, 'opposing', lambda line: (0.0, -line.misalignment, 0.0))
     run, = bench_planner.runs(1)
     assert not run.is_done
 
 
 class OnNodes(bench_planner.Simulation):
-    """The same simulation on a simulated CAN bus with the nodes, in real time."""
+    """The simulation of the planner bench, run in real time with the nodes and a simulated CAN bus."""
 
     def __init__(self, stack: ExitStack, seed: int, kind: str):
-        super().__init__(seed, kind, patience=TIMEOUT)  # A busy machine needs time for a decision.
+        super().__init__(seed, kind, patience=TIMEOUT)  # A busy machine needs more time for each decision.
         self._values, self._grasps, self._ages = (np.zeros((16, 16)),) * 2, [], InputAge()
         names, ids = ['left', 'right'], [32, 64]
         pads = with_dictionaries(make_pads(['sim16x16.yaml'], ids, names), [''])

@@ -1,4 +1,4 @@
-"""The age of a replayed frame counts from its playback, whatever its stamp and the pace."""
+"""The age of a replayed frame counts from its playback, at any stamp and any playback speed."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from tactile_node.logs.replay_times import MOST_ENTRIES, PLAYED_RESOLUTION, Play
 
 
 class Played:
-    """Stamps of a log that is played by a clock set by the test."""
+    """Stamps of a log that is played with a clock controlled by the test."""
 
     def __init__(self):
         self.now = 50.0

@@ -1,4 +1,4 @@
-"""Pose fits compared with known contacts, closed forms and numerical derivatives."""
+"""Pose fits are compared with known contacts, closed-form solutions and numerical derivatives."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def numerical(function, parameters, step=1e-5):
                      for each in steps])
 
 
-# Outlines, coverage and models.
+# Tests of outlines, coverage and models.
 
 
 @pytest.mark.parametrize('contact', contacts(2), ids=lambda c: c.shape)
@@ -157,7 +157,7 @@ def test_a_prism_is_closed_and_has_the_volume_of_its_base(contact):
     volume = np.einsum('ij,ij->i', corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
     x, y = fit.outline.T
     base = (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2
-    assert volume == pytest.approx(3 * base)  # A positive volume shows that all triangles face outwards.
+    assert volume == pytest.approx(3 * base)  # The volume is positive only if all triangles face outwards.
     assert base == pytest.approx(contact.area, rel=0.04)
     edges = {(a, b) for t in triangles.tolist() for a, b in zip(t, t[1:] + t[:1])}
     assert len(edges) == 3 * len(triangles) and edges == {(b, a) for a, b in edges}

@@ -1,6 +1,6 @@
-"""Sizes that are accurate enough to set a gripper: fits of contacts computed by contact mechanics.
+"""The fitted dimensions of contacts that were computed by contact mechanics are accurate enough to set a gripper.
 
-The truth is the area and the middle of the solver's contact set, counted on the solver's grid.
+The true values are the area and the centre of the solver's contact set, counted on the solver's grid.
 """
 
 import numpy as np
@@ -20,14 +20,14 @@ PUNCHES = {
     'isosceles_triangle': (1.41, 1.41)}
 AREA = 60.0  #: Area of a contact [taxels].
 POSES = 16   #: Number of frames for each indenter.
-MOST = 3.0  #: Largest bias of a length [%].
-MOST_OF_CONE = 5.0  #: The pressure of a cone falls to zero at its edge.
+MOST = 3.0  #: Largest allowed bias of a length [%].
+MOST_OF_CONE = 5.0  #: Largest allowed bias for a cone, whose pressure falls to zero at its edge.
 
 
 def pressed_area(indenter: Indenter, tilt: tuple[float, float]):
-    """Return the errors of the root of the area [%] and of the middle [pitches] in each frame.
+    """Return, for each frame, the error of the square root of the area [%] and the error of the centre [pitches].
 
-    The third result is True where the 95 % region contains the true middle.
+    The third result is True for frames whose 95 % region contains the true centre.
     """
     rng, shape = np.random.default_rng(20261122), indenter.label
     solution = solve(indenter, tilt)
@@ -45,7 +45,7 @@ def pressed_area(indenter: Indenter, tilt: tuple[float, float]):
         sizes.append(100 * (np.sqrt(area_of(fit) / AREA) - 1))
         apart = np.array(fit.centre) - true
         centres.append(np.hypot(*apart))
-        # 5.99 is the 95 % quantile of chi squared with 2 degrees of freedom.
+        # 5.99 is the 95 % quantile of the chi-squared distribution with 2 degrees of freedom.
         inside.append(apart @ np.linalg.solve(fit.covariance[:2, :2], apart) < 5.99)
     return np.array(sizes), np.array(centres), np.array(inside)
 
@@ -63,14 +63,14 @@ def test_a_punch_is_as_large_as_its_contact(shape):
     sizes, centres, inside = pressed_area(punch, (0.15, 0.1))
     assert abs(np.median(sizes)) < MOST
     assert np.median(centres) < 0.15
-    assert inside.mean() >= 0.8  # With 95 % regions, 16 frames fall below this limit once in 140 runs.
+    assert inside.mean() >= 0.8  # If the regions really contain 95 %, 16 frames fall below this limit once in 140 runs.
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('dome', [ball(0.03), ball(0.08), cylinder(0.03, 1.8, 0.3), cylinder(0.05, 2.4, 0.2)],
                          ids=['ball', 'ball pressed harder', 'cylinder', 'longer cylinder'])
 def test_a_dome_is_as_large_as_its_contact(dome):
-    """When both were fitted as flat punches, a ball came out 10 % too small, and a cylinder on its side 17 %."""
+    """If both were fitted as flat punches, a ball would be 10 % too small, and a lying cylinder 17 % too small."""
     sizes, centres, inside = pressed_area(dome, (0.0, 0.0))
     assert abs(np.median(sizes)) < MOST
     assert np.median(centres) < 0.15
@@ -80,9 +80,9 @@ def test_a_dome_is_as_large_as_its_contact(dome):
 @pytest.mark.slow
 @pytest.mark.parametrize('tip', [0.1, 0.4], ids=['sharp', 'blunt'])
 def test_a_cone_is_as_large_as_its_contact(tip):
-    """The tip once lost its weight as an outlier.
+    """In an earlier version, the fit treated the tip of the cone as an outlier without weight.
 
-    The rest was fitted as a punch, 24 % too small and with a small deviation.
+    The earlier fit took the rest of the cone for a flat punch, 24 % too small and with a small standard deviation.
     """
     sizes, centres, inside = pressed_area(cone(0.05, tip), (0.0, 0.0))
     assert abs(np.median(sizes)) < MOST_OF_CONE and np.abs(sizes).max() < 3 * MOST_OF_CONE
@@ -91,7 +91,7 @@ def test_a_cone_is_as_large_as_its_contact(tip):
 
 
 def test_a_large_contact_at_the_pads_edge_knows_less_than_one_beside_it():
-    """The last block of taxels may be incomplete."""
+    """For some numbers of rows, the last block of taxels is incomplete."""
     for rows in range(97, 103):
         frame = np.zeros((rows, 120))
         frame[rows - 70:, 10:100] = 1e4

@@ -1,4 +1,7 @@
-"""Progress is shown to a person at a terminal. Elsewhere it is silent, and it is separate from the results."""
+"""A command shows its progress to a user at a terminal.
+
+Without a terminal, no progress is printed, and progress is never mixed with the results.
+"""
 
 import io
 

@@ -1,4 +1,4 @@
-"""The driver on Linux's own CAN stack: emulated SJA1000 controllers on one bus, and vcan.
+"""The driver runs on Linux's own CAN stack, with emulated SJA1000 controllers on one bus, and with vcan.
 
 `make socketcan` runs these tests.
 """
@@ -23,7 +23,7 @@ from tactile_node.sources.supervisor import Supervisor
 pytestmark = [pytest.mark.bus, pytest.mark.skipif(
     INTERFACE != 'socketcan', reason='this test needs SocketCAN; `make socketcan` runs it')]
 PRESSED = 12.5
-PERIOD = 0.25  # The period is long because the emulated machine is slow.
+PERIOD = 0.25  # Period in seconds, which is long because the emulated machine is slow.
 LONGEST = 120  # Longest wait [s].
 BUS_OFF = 0x40  # From linux/can/error.h.
 
@@ -34,10 +34,10 @@ def ip(*words: str) -> None:
 
 @pytest.fixture
 def controllers():
-    """Set up can0 and can1 at the same bit rate."""
+    """Set up the controllers can0 and can1 with the same bit rate."""
     for name in ('can0', 'can1'):
         ip(name, 'type', 'can', 'bitrate', '1000000')
-        # The skin sends a sweep at once, but the default queue holds only 10 frames.
+        # The skin sends a whole sweep at once, but the default transmit queue holds only 10 frames.
         ip(name, 'up', 'txqueuelen', '1000')
     yield
     for name in ('can0', 'can1'):
@@ -45,9 +45,9 @@ def controllers():
 
 
 def overruns_of_controllers() -> int:
-    """Return how often can0 could not receive CAN frames, or can1 could not send them.
+    """Return how often can0 failed to receive CAN frames, or can1 failed to send them.
 
-    The emulation is slow on a busy machine.
+    The emulated machine is slow if the host is busy.
     """
     kinds = {'can0': ('rx_dropped', 'rx_over_errors', 'rx_fifo_errors', 'rx_missed_errors'),
              'can1': ('tx_dropped', 'tx_errors', 'tx_fifo_errors')}
@@ -56,7 +56,7 @@ def overruns_of_controllers() -> int:
 
 
 class Driven:
-    """A supervised driver on ``channel`` and a simulated skin on ``skin``. Use it as a context manager."""
+    """A supervised driver on ``channel`` and a simulated skin on ``skin``. Use this class as a context manager."""
 
     def __init__(self, channel: str, skin: str, layout: str = 'sim8x8_16bit.yaml', nodes: tuple[int, ...] = (32,)):
         pads = with_dictionaries(make_pads([layout], nodes))
@@ -85,16 +85,16 @@ class Driven:
 
     @property
     def pressed(self) -> float:
-        """Return a load in the unit of the layout, which is an even number of counts."""
+        """Return a load in the layout's unit that corresponds to an even number of counts."""
         return PRESSED if self.value.unit == 'N' else 100 * self.value.scale
 
     def whole_after(self, stamp: float) -> bool:
         return any(frame.stamp > stamp and not frame.missing_can_frames for frame in self.kept[-20:])
 
     def wait(self, condition, what: str) -> None:
-        """Wait until ``condition`` holds.
+        """Wait until ``condition()`` is true.
 
-        Raise TooSlowError if it never holds on a machine that overloads the driver.
+        Raises TooSlowError if the condition stays false on a machine that overloads the driver.
         """
         if wait_until(condition, LONGEST):
             return
@@ -103,7 +103,7 @@ class Driven:
             f'{what}; {self.driver.health()}; {self.log.errors}')
 
     def check(self) -> None:
-        """Check that each published value is the load on the skin, or NaN."""
+        """Check that each published value is either the load on the skin or NaN."""
         for frame in self.kept:
             np.testing.assert_allclose(frame.values[np.isfinite(frame.values)], self.pressed, rtol=1e-3)
 
@@ -117,12 +117,13 @@ def test_taxels_over_two_controllers(controllers):
     whole = [frame for frame in bench.kept if not frame.missing_can_frames]
     assert all(np.isfinite(frame.values).all() for frame in whole)
     print(f'\nsocketcan: two controllers: {sent} TPDOs sent, {received} received, {overruns} overruns')
-    assert received >= sent - 16 or overruns  # One sweep may be under way. An overrun loses any number of frames.
+    # The 16 TPDOs of one sweep may still be in transit. An overrun may lose any number of frames.
+    assert received >= sent - 16 or overruns
 
 
 @pytest.mark.parametrize(('layout', 'nodes'), [('sim16x16.yaml', (32, 64)), ('nodes2_12x8_12bit.yaml', (32, 35))])
 def test_nothing_is_lost_between_linux_and_the_driver(layout, nodes):
-    """With vcan no controller can overrun, so the driver receives every sent TPDO."""
+    """No controller can overrun with vcan, so the driver must receive every sent TPDO."""
     with Driven('vcan0', 'vcan0', layout, nodes) as bench:
         bench.wait(lambda: len(bench.kept) >= 20, 'too few frames')
         bench.driver.stop()
@@ -141,9 +142,9 @@ def test_a_polled_domain_is_read_through_linux():
 
 
 def test_network_down_and_up_again(controllers):
-    """The driver reports ENETDOWN and gives no values meanwhile.
+    """While the interface is down, the driver reports ENETDOWN and publishes no values.
 
-    Once the interface is up, it gives whole frames again.
+    After the interface is up again, the driver publishes whole frames.
     """
     with Driven('can0', 'can1') as bench:
         ip('can0', 'down')
@@ -151,7 +152,7 @@ def test_network_down_and_up_again(controllers):
         bench.wait(lambda: bench.driver.failure is not None, 'not noticed')
         bench.wait(lambda: any(isinstance(fact, BusFault) for fact in bench.log.facts), 'not reported')
         time.sleep(1)
-        # On a failed bus, no frame may have values.
+        # While the bus is down, no frame may contain values.
         assert not any(np.isfinite(frame.values).any() for frame in bench.kept if frame.stamp > down), 'the bus is down'
         ip('can0', 'up')
         up = time.time()
@@ -162,9 +163,9 @@ def test_network_down_and_up_again(controllers):
 
 
 def test_bus_off_reported_by_the_stack():
-    """A controller's driver reports bus-off by an error frame with CAN_ERR_BUSOFF.
+    """The kernel driver of a controller reports bus-off by an error frame with CAN_ERR_BUSOFF.
 
-    The driver opens the bus again, and gives taxels again.
+    After bus-off, our driver opens the bus again and publishes taxels.
     """
     with Driven('vcan0', 'vcan0') as bench, can.Bus('vcan0', interface='socketcan') as other:
         other.send(can.Message(arbitration_id=BUS_OFF, is_error_frame=True, is_extended_id=False, data=bytes(8)))

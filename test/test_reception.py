@@ -1,4 +1,4 @@
-"""Batches: how the driver reads a bus, when the frames of a batch arrived, and which SYNC is omitted."""
+"""Tests of batches: how the driver reads a bus, when the CAN frames arrived, and which SYNCs are omitted."""
 
 import os
 import threading
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.bus
 
 
 class Script:
-    """A bus that delivers ``messages`` one by one and then fails."""
+    """A bus that delivers ``messages`` one by one and then raises an error."""
 
     def __init__(self, messages):
         self._messages = list(messages)
@@ -67,11 +67,11 @@ def test_an_exception_of_the_assembler_is_logged_and_costs_one_call_alone(monkey
     assert done.wait(60) and 'ZeroDivisionError' in caplog.text and 'Traceback' in caplog.text
     monkeypatch.setattr(bus.traffic._router.bus, 'occupy', occupy)
     assert wait_until(bus.received(2.0))
-    assert bus.traffic.overruns == 0  # The queue has room again.
+    assert bus.traffic.overruns == 0  # The queue accepts messages again.
 
 
 def test_a_batch_that_was_lost_by_an_exception_leaves_a_gap(monkeypatch):
-    """The CAN frames of the batch took time on the bus, so the bus was not provably free."""
+    """The lost CAN frames occupied the bus, so the driver cannot assume that the bus was free at that time."""
     bus = Clocked(monkeypatch)
     assert wait_until(bus.received(1.0))
     with monkeypatch.context() as patch:
@@ -88,10 +88,10 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
         bus.recv_all(0.05)
         before = time.monotonic()
         os.write(adapter, b't1A02AABB\rt1A02')
-        time.sleep(0.05)  # A thread of the kernel passes the bytes on through a pseudo-terminal.
+        time.sleep(0.05)  # A kernel thread needs this time to pass the bytes through the pseudo-terminal.
         after, until = (batch := bus.recv_all(60)).came
         assert after < before < until and len(batch.messages) == 1
-        os.write(adapter, b'CCDD\r')  # The line began before the last read.
+        os.write(adapter, b'CCDD\r')  # The first part of this line was sent before the last read.
         time.sleep(0.05)
         second = bus.recv_all(60)
         assert second.came[0] < until and bytes(second.messages[0].data) == b'\xCC\xDD'
@@ -99,14 +99,15 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
         assert not bus.recv_all(0.1).messages
         os.write(adapter, b't1A01EE\r')
         idle = bus.recv_all(60)
-        assert idle.came[0] > asked  # At that time nothing waited. A read proves this, not the length of the wait.
+        # A read at that time proves that no message was waiting. The length of the wait would prove nothing.
+        assert idle.came[0] > asked
         bus.shutdown()
 
 
 def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
-    """The driver omits enough SYNCs for the nodes to send their backlog and for the bus to be free.
+    """The driver omits SYNCs until the nodes have sent their backlog and the bus has been free.
 
-    It then omits none for a while.
+    After the omitted SYNCs, the driver omits none for a while.
     """
     router = SimpleNamespace(is_in_doubt=False, sync=lambda stamp: None)
     traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True, sync_period=0.02)
@@ -120,9 +121,9 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
 
 
 class Clocked:
-    """A Traffic with a steady clock set by the test.
+    """A Traffic object whose steady clock is set by the test.
 
-    For each frame, it records how long the bus before the frame was not provably free.
+    For each CAN frame, the object records for how long the bus before the frame was not provably free.
     """
 
     def __init__(self, monkeypatch, queue_limit=99):
@@ -137,9 +138,9 @@ class Clocked:
         self.traffic.begin()
 
     def received(self, *stamps, steady=None, spans=None, **kind):
-        """Receive messages stamped ``stamps`` seconds after the beginning, all read ``steady`` seconds after it.
+        """Receive messages stamped ``stamps`` seconds after the beginning and read ``steady`` seconds after it.
 
-        Return a function that returns True once all of them are processed.
+        The returned function returns True once all messages are processed.
         """
         self.steady = 1000.0 + (stamps[-1] if steady is None else steady)
         expected = len(self.spans) + (len(stamps) if spans is None else spans)
@@ -157,7 +158,7 @@ def test_a_bus_that_was_closed_or_not_read_was_not_free(monkeypatch):
     assert wait_until(bus.received(5.0)) and wait_until(bus.received(6.0, 6.1))
     bus.traffic.put(held.wait)
     whole = bus.received(6.2, 6.3)
-    bus.received(6.4)  # The queue has no room for this message.
+    bus.received(6.4)  # The queue is full, so this message is dropped.
     held.set()
     assert wait_until(whole) and wait_until(bus.received(8.0)) and wait_until(bus.received(8.5))
     bus.traffic.end(1.0)
@@ -190,8 +191,8 @@ def test_what_is_no_taxel_takes_its_time_and_after_an_error_the_bus_is_not_known
     assert bus.seen()[1:] == [0.0, None, inf]
 
 
-#: Kind of a CAN frame and its largest number of bits by ISO 11898-1, counted by hand. The terms are the stuffed fields,
-#: the stuff bits, and the 13 bits after them.
+#: Kind of a CAN frame and its largest number of bits according to ISO 11898-1, counted by hand. The terms are the bits
+#: subject to stuffing, the stuff bits, and the 13 bits after them.
 WIRE_BITS = [({'is_extended_id': False, 'data': bytes(8)}, 98 + 24 + 13),
              ({'is_extended_id': True, 'data': bytes(8)}, 118 + 29 + 13),
              ({'is_extended_id': True, 'data': b''}, 54 + 13 + 13),
@@ -209,7 +210,8 @@ def test_the_live_bus_load_counts_every_frame_on_the_wire_as_the_report_does(kin
     for message in messages:
         record.feed(message)
     assert monitor.bits == 3 * bits
-    assert record.report(None).load.mean == pytest.approx(2 * bits / 1e6)  # This is the load of the first second.
+    # This is the load of the first second, which contains two CAN frames.
+    assert record.report(None).load.mean == pytest.approx(2 * bits / 1e6)
 
 
 def test_a_fault_that_comes_once_is_reported_after_what_came_before_it():
@@ -229,5 +231,5 @@ def test_a_fault_that_comes_once_is_reported_after_what_came_before_it():
 def test_syncs_are_no_longer_left_out_once_nothing_is_in_doubt_or_sync_was_off():
     pause = SyncPause(period=0.001)
     assert pause.is_due(True) and pause.is_due(True) and not pause.is_due(False) and not pause.is_due(True)
-    pause.restart()  # The pause takes 2 SYNCs for pending frames, 6 ms of free bus, and 2 ms to read them.
+    pause.restart()  # The pause lasts for 2 SYNCs for pending frames, 6 ms of free bus, and 2 ms to read the frames.
     assert [pause.is_due(True) for _ in range(15)] == 10 * [True] + 4 * [False] + [True]

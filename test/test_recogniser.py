@@ -1,4 +1,4 @@
-"""The learned recogniser: answers that hold for any weights, and a check that its weights are useful."""
+"""The learned recogniser: results that must hold for any weights, and a check that the trained weights are useful."""
 
 from zipfile import ZIP_LZMA, ZipFile
 
@@ -39,7 +39,7 @@ def pattern_of(frame, press=0.3):
 
 
 def naive(network, image, geometry):
-    """Compute the network by definition, with loops over places and taps."""
+    """Compute the network by its definition, with loops over positions and kernel taps."""
     flow = image
     for kernel, bias, taps in zip(network.kernels[:2], network.biases[:2], (4, 3)):
         padded = np.pad(flow, ((1, 1), (1, 1), (0, 0)))
@@ -70,7 +70,7 @@ def test_network_is_the_documented_one():
 def test_calibration():
     """Classes with equal logits share the probability that the shape is not foreign.
 
-    At the bias of the size, a foreign shape is as probable as a known one.
+    If the logit equals the bias for the size, a foreign shape is as probable as a known one.
     """
     biases = np.append(3.0, np.ones(len(LOG_SIZES) - 1))
     even = Calibration(2.0, biases).probabilities(np.array([[7.0] * 5 + [3.0]]), LOG_SIZES[:1])
@@ -96,8 +96,8 @@ def test_patch_of_turned_and_moved_contact_is_the_same(turned):
 
 def test_pieces_that_are_joined_are_one_contact_in_mask_labels_and_counts():
     frame = np.zeros((14, 30), bool)
-    frame[2:9, 2:5] = frame[2:9, 7:10] = True  # Two silent columns lie between the pieces.
-    frame[2:6, 20:25] = frame[12, 2:4] = True  # These are other contacts.
+    frame[2:9, 2:5] = frame[2:9, 7:10] = True  # Two columns without pressed taxels lie between the two pieces.
+    frame[2:6, 20:25] = frame[12, 2:4] = True  # These taxels belong to other contacts.
     pattern = PatternExtractor(PressThresholds(0.5, 0.4)).extract(frame)
     assert (pattern.contacts, pattern.sizes) == (4, (21, 21, 20, 2))
     whole = join_pieces(pattern)
@@ -120,7 +120,7 @@ def test_a_recognition_reports_whether_it_is_of_joined_pieces(recogniser):
 @pytest.mark.slow
 @pytest.mark.parametrize('shape', CLASSES)
 def test_large_clean_contacts_are_recognised(recogniser, shape):
-    """With 100 taxels, hardly any contact can be mistaken in either kind of frame, whatever the unit."""
+    """In on/off and in pressure frames, contacts of 100 taxels are large enough that hardly any is mistaken."""
     rng = generator(Purpose.TEST, 40)
     for conditions in (NOMINAL_ON_OFF, NOMINAL_PRESSURE):
         found = []
@@ -163,7 +163,7 @@ def test_files_that_are_no_weights_are_refused(tmp_path, content):
         np.savez(path, a=np.zeros(3))
     elif content == 'cut':
         path.write_bytes(weights.read_bytes()[:5000])
-    # The errors of this compression are neither those of zipfile nor those of zlib.
+    # LZMA raises errors that differ from those of zipfile and zlib.
     elif content == 'other compression':
         with ZipFile(path, 'w', ZIP_LZMA) as archive:
             archive.writestr('on_off_kernel0.npy', bytes(range(256)))
@@ -179,10 +179,10 @@ def test_a_pad_that_cannot_be_seen_is_not_called_untouched(method):
     extractor, recogniser = PatternExtractor(PressThresholds(0.5, 0.4)), make_recogniser(method)
     frame = np.zeros((16, 16))
     assert recogniser.recognise(extractor.extract(frame)).shape is Shape.NONE
-    frame[4:11] = np.nan  # An object may lie in these seven rows.
+    frame[4:11] = np.nan  # An object could lie in these seven hidden rows.
     found = recogniser.recognise(extractor.extract(frame))
     assert (found.shape, found.reason, found.confidence) == (Shape.UNKNOWN, UnknownReason.NOT_SEEN, 1.0)
-    frame[5::2] = 0  # Only single rows are hidden now, and each of them may hide a bar.
+    frame[5::2] = 0  # Only single rows remain hidden, and each of them could hide a bar.
     assert recogniser.recognise(extractor.extract(frame)).reason is UnknownReason.NOT_SEEN
     frame[:, 3::4] = 0  # The hidden rows are now cut into pieces of three taxels.
     assert recogniser.recognise(extractor.extract(frame)).shape is Shape.NONE
@@ -202,7 +202,7 @@ def test_why_a_shape_is_unknown(method):
     few = np.zeros((9, 9))
     few[4, 3:6] = 1
     assert recogniser.recognise(pattern_of(few)).reason is UnknownReason.TOO_SMALL
-    few[3, 4:6] = np.nan  # The contact may be larger than it looks.
+    few[3, 4:6] = np.nan  # The contact may be larger than its visible part.
     found = recogniser.recognise(pattern_of(few))
     assert found.reason is UnknownReason.NOT_SEEN and not found.is_evidence
     assert recogniser.recognise(pattern_of(np.zeros((9, 9)))).reason is UnknownReason.NOT_UNKNOWN
@@ -221,7 +221,7 @@ def test_a_foreign_shape_is_unfamiliar():
 
 @pytest.mark.parametrize(('hidden', 'most'), [(6, 0.84), (5, 0.84), (0, 1.0)])
 def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidden, most):
-    """The object is a rectangle of 8x14 taxels. With its last rows hidden, it looks like a square."""
+    """The object is a rectangle of 8x14 taxels. With its last rows hidden, the rectangle looks like a square."""
     frame = np.zeros((24, 24))
     frame[4:18, 8:16] = 1
     seen = frame.copy()
@@ -230,7 +230,7 @@ def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidd
     found = make_recogniser().recognise(pattern_of(frame))
     assert found.confidence <= most
     if hidden:
-        # The plain recogniser considers no other readings of the hidden rows.
+        # The plain recogniser does not consider other possible contents of the hidden rows.
         assert recogniser.recognise(pattern_of(frame)).confidence > found.confidence, 'hidden rows must lower it'
         assert len(found.alternatives) == 4 and sum(weight for weight, _ in found.alternatives) == pytest.approx(1)
         assert sum(found.probabilities.values()) == pytest.approx(1)
@@ -244,7 +244,7 @@ def test_a_dead_taxel_within_a_contact_changes_nothing(recogniser):
     frame[6, 7] = frame[1, 1] = np.nan
     found = make_recogniser().recognise(pattern_of(frame))
     assert found == recogniser.recognise(pattern_of(frame)) and not found.alternatives
-    frame[6, 8] = np.nan  # Two adjacent taxels without a value may be a hole.
+    frame[6, 8] = np.nan  # Two adjacent taxels without a value may conceal a hole in the object.
     assert make_recogniser().recognise(pattern_of(frame)).alternatives
 
 

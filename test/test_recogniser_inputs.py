@@ -1,4 +1,4 @@
-"""Inputs of the recogniser: odd contacts, and how well each shape covers a patch."""
+"""Inputs of the recogniser: unusual contacts, and how well each shape covers a patch."""
 
 import numpy as np
 import pytest
@@ -50,14 +50,14 @@ def test_specks_between_hidden_rows_are_not_seen_instead_of_unfamiliar(recognise
     assert (found.shape, found.reason) == (Shape.UNKNOWN, UnknownReason.NOT_SEEN)
 
 
-FIGURES = ('rectangle', 'square', 'triangle', 'circle')  #: The first four numbers are the overlaps with these figures.
+FIGURES = ('rectangle', 'square', 'triangle', 'circle')  #: Figures whose overlaps are the first four inputs.
 OF_CLASS = dict(zip(CLASSES, ('circle', 'square', 'rectangle', 'triangle', 'triangle')))
 
-ALSO = {'square': ('rectangle',)}  #: Further figures that cover the shapes of a class.
+ALSO = {'square': ('rectangle',)}  #: Other figures that can also cover a shape of the class.
 
 
 def numbers_of(levels: np.ndarray) -> np.ndarray:
-    """Return the numbers for covered fractions (K, SIDE, SIDE)."""
+    """Return the recogniser's inputs for the covered fractions (K, SIDE, SIDE)."""
     return describe_all(levels, np.zeros(levels.shape), np.ones(len(levels)))[:, -COUNT:]
 
 

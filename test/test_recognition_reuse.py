@@ -1,6 +1,6 @@
-"""If the same taxels are pressed as in the frame before, the previous answer is used again.
+"""If the pressed taxels have not changed since the previous frame, the previous result is used again.
 
-The tests also have the cases in which the answer must be computed anew.
+The tests also cover the cases in which the result must be computed again.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ PERIOD = 0.02  # Time between two frames [s].
 
 
 class Asked:
-    """A method that answers ``shape`` with ``confidence`` and counts its calls."""
+    """A recognition method that returns ``shape`` with ``confidence`` and counts its calls."""
 
     classes = tuple(Shape)
 
@@ -35,7 +35,7 @@ def pressed(rows=slice(4, 11), cols=slice(4, 11), level=50e3):
 
 
 def asked_of(frames, method, stamps=None, **options):
-    """Return for each of ``frames`` True if the method was called."""
+    """Return one boolean per frame, which is True if the method was called."""
     pipeline = ContactPipeline(VisibilityGuard(method), **options)
     stamps = PERIOD * np.arange(len(frames)) if stamps is None else stamps
     asked = []

@@ -1,4 +1,7 @@
-"""A recording that rotates loses nothing between two files. On a full disk, it counts exactly the lost frames."""
+"""When a recording rotates, no CAN frame is lost between two files.
+
+On a full disk, the recording counts exactly the lost CAN frames.
+"""
 
 import os
 import subprocess
@@ -32,7 +35,7 @@ def test_a_recording_that_rotates_loses_no_frame_and_each_file_can_be_read(tmp_p
     writer.close()
     files = [tmp_path / f'x{part}{suffix}' for part in ('', *(f'_part{n}' for n in range(2, writer.parts + 1)))]
     assert sorted(files) == sorted(tmp_path.iterdir()) and writer.parts > 1
-    assert numbers(files[0]) == list(range(FRAMES))  # The first file stands for the whole recording.
+    assert numbers(files[0]) == list(range(FRAMES))  # Reading the first file reads the whole recording.
     alone = [file.rename(tmp_path / f'{n}{suffix}') for n, file in enumerate(files)]
     found = [numbers(file) for file in alone]
     assert sum(found, []) == list(range(FRAMES)) and all(found)
@@ -55,7 +58,7 @@ def test_the_parts_of_two_recordings_are_never_mixed(tmp_path):
 
 
 def test_a_next_file_that_cannot_be_made_ends_the_recording(tmp_path):
-    """The first file keeps all its frames, and later frames are counted."""
+    """The first file keeps all its CAN frames, and later CAN frames are counted as unwritten."""
     writer = CanLogWriter(tmp_path / 'x.log', largest=1)
     (tmp_path / 'x_part2.log').touch()
     for message in numbered(300):
@@ -85,12 +88,12 @@ print(writer.can_frames, writer.unwritten, bool(writer.failure), writer.parts)
 @pytest.mark.slow
 @pytest.mark.parametrize(('suffix', 'largest'), [*((suffix, 0) for suffix in SUFFIXES), ('.log', 5_000)])
 def test_a_full_disk_costs_exactly_what_is_counted(tmp_path, suffix, largest):
-    """A limit on the file size replaces the full disk.
+    """A limit on the size of a file simulates the full disk.
 
-    With rotation from 5,000 bytes on, the limit is never reached.
+    If files rotate from 5,000 bytes on, they never reach the limit.
     """
     path, room = tmp_path / f'x{suffix}', 12_000 if suffix == '.log.gz' else 40_000
-    # With -B, Python writes no bytecode. The limit would truncate the bytecode cache that other programs use.
+    # With -B, Python writes no bytecode, because the size limit would truncate the bytecode cache of other programs.
     environment = os.environ | {'PYTHONPATH': f'{ROOT}:{ROOT / "test"}'}
     done = subprocess.run([sys.executable, '-B', '-c', FULL, str(path), str(largest), str(room)], text=True,
                           env=environment, capture_output=True, timeout=120, check=True)

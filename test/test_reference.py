@@ -1,4 +1,4 @@
-"""The reference that `make docs` generates is complete. The test needs no Sphinx."""
+"""The reference that `make docs` generates must be complete. This test does not need Sphinx."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,7 @@ DOCS = ROOT / 'docs'
 
 
 def rows(text: str) -> list[list[str]]:
-    """Return the cells of all tables."""
+    """Return the cells of all tables in the reference."""
     lines = [line for line in text.splitlines() if line.startswith('| ') and not line.startswith('| ---')]
     return [[cell.strip() for cell in re.split(r'(?<!\\)\|', line)[1:-1]] for line in lines]
 

@@ -1,4 +1,4 @@
-"""Promises of a release on security: a workflow runs every check with pinned actions, and files run no code."""
+"""Security promises of a release: a workflow runs every check with pinned actions, and loading a file runs no code."""
 
 import subprocess
 import sys
@@ -26,7 +26,7 @@ class Intruder:
 
 @pytest.mark.slow
 def test_no_code_of_a_model_or_taxel_file_is_run(tmp_path):
-    """SECURITY.md promises this, because such a file may come from anyone."""
+    """SECURITY.md promises that loading runs no code, because a model or taxel file may come from anyone."""
     mark = tmp_path / 'ran'
     harmful = np.array([Intruder(mark)], dtype=object)
     np.save(tmp_path / 'taxels.npy', harmful)

@@ -1,4 +1,4 @@
-"""A replay can provide the time. The topic /clock follows the log, for consumers with use_sim_time."""
+"""A replay can provide the ROS time. The topic /clock follows the log, for subscribers with use_sim_time."""
 
 import pytest
 import rclpy
@@ -20,7 +20,7 @@ LOG = 'sim16x16_two_pads.log.gz'
 
 
 class Replay(RosBench):
-    """A driver that plays LOG, and a consumer with use_sim_time."""
+    """A driver that plays LOG, and a subscriber with use_sim_time."""
 
     def __init__(self, stack, **given):
         super().__init__(stack)
@@ -33,7 +33,7 @@ class Replay(RosBench):
 
 
 def test_a_consumer_with_simulated_time_sees_the_time_of_the_log(ros):
-    """Without /clock, the consumer's clock reads 0, and each frame comes from the future."""
+    """Without /clock, the subscriber's clock reads 0, and each frame seems to lie in the future."""
     replay = Replay(ros)
     seen, clocks = [], []
     replay.consumer.create_subscription(Clock, '/clock', lambda message: clocks.append(seconds(message.clock)), 100)
@@ -44,9 +44,9 @@ def test_a_consumer_with_simulated_time_sees_the_time_of_the_log(ros):
     replay.driver.autostart()
     replay.until(lambda: replay.driver.source.finished.is_set() and len(seen) > 20)
     stamps = [line.stamp for line in read_candump(LOG)]
-    late = [passed for passed, _ in seen[5:]]  # By then, the consumer has discovered /clock.
+    late = [passed for passed, _ in seen[5:]]  # After five frames, the subscriber has discovered /clock.
     length = stamps[-1] - stamps[0]
-    # The order of messages on two topics is not defined.
+    # ROS does not define the order of messages on two topics.
     assert all(-length < passed < length for passed in late), late
     assert min(abs(passed) for passed in late) < 2 * CLOCK_STEP
     assert clocks == sorted(clocks) and stamps[0] <= clocks[0] and clocks[-1] <= stamps[-1]

@@ -1,4 +1,4 @@
-"""The facts of a report, from recordings whose faults were inserted by hand."""
+"""Facts in a report, taken from recordings into which faults were inserted by hand."""
 
 import gzip
 import threading
@@ -28,13 +28,13 @@ from tactile_node.viewing.touch_finder import ReportedTouchFinder
 SESSION = DATA / 'sim16x16_two_pads.log.gz'
 BEGIN = 1_700_000_000
 NAN = float('nan')
-#: Device name of node 32 by segmented upload (CiA 301, 7.2.4.3.6), 16 bytes.
+#: Node 32 sends its device name of 16 bytes by segmented upload (CiA 301, 7.2.4.3.6).
 NAME_UPLOAD = '''620#4008100000000000 5A0#4108100010000000 620#6000000000000000 5A0#003C736372697074
 620#7000000000000000 5A0#103E616C65727428 620#6000000000000000 5A0#0B31290000000000'''.split()
 
 
 def session(until=3.1):
-    """Return the lines of the session: the set-up and the first touch."""
+    """Return the lines of the session for the set-up and the first touch."""
     with gzip.open(SESSION, 'rt') as file:
         return [line for line in file.read().splitlines() if float(line[1:18]) < BEGIN + until]
 
@@ -59,7 +59,10 @@ def whole():
 
 
 def test_touches_of_a_session_with_their_size(whole):
-    """The five shapes follow in turn, each with 60 taxels of 2 mm. The areas are those of the outlines."""
+    """The five shapes are pressed one after another, each on 60 taxels of 2 mm pitch.
+
+    The expected areas are the areas of the outlines.
+    """
     order = [Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE]
     for pad in whole.pads:
         assert [touch.shape for touch in pad.touches] == order and pad.touches.left_out == 0
@@ -80,8 +83,8 @@ def test_devices_and_bus_of_a_session(whole):
     assert (0x1008, 0) not in node.objects and (0x1018, 4) not in node.objects
     assert [change.state for change in node.nmt] == [0x00, 0x05] and node.heartbeats == 48
     assert [command.command for command in whole.bus.commands] == [0x80, 0x80, 0x01, 0x01, 0x80, 0x80]
-    # There are 25 sweeps a second: a SYNC of at most 55 bits, and 64 TPDOs of 135 bits. Each node sends ten heartbeats
-    # of one byte, with 65 bits each.
+    # The bus carries 25 sweeps a second, each with a SYNC of at most 55 bits and 64 TPDOs of 135 bits. Each node adds
+    # ten heartbeats a second, which have one byte and 65 bits.
     assert whole.bus.load.bit_rates[3] == 25 * (55 + 64 * 135) + 20 * 65
     assert whole.bus.load.shares[3] == pytest.approx(0.218675)
     assert [round(gap.seconds, 2) for gap in whole.bus.gaps] == [1.75]
@@ -107,7 +110,7 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
     for k, line in enumerate(lines):
         out += [short] if k == tpdos[15] else [] if k == tpdos[5] else [line]
         if k == tpdos[8]:
-            out.append(line)  # This line is doubled.
+            out.append(line)  # This line appears twice in the log.
         out += changed[k]
     report = report_of(logged(tmp_path / 'x.log', out))
     left, right = report.pads
@@ -122,13 +125,13 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
                 (Remark.EMERGENCIES, '32'): 1, (Remark.BOOTED_AGAIN, '64'): 1, (Remark.NODE_OF_NO_PAD, '5'): 1}
     assert expected.items() <= found_in(report).items()
     with_gaps = left.health.by_status[TaxelStatus.STALE]
-    assert with_gaps.sum() == 2 * 8 and with_gaps.max() == 2  # The TPDO has 8 taxels and is affected twice.
+    assert with_gaps.sum() == 2 * 8 and with_gaps.max() == 2  # The TPDO with 8 taxels has no valid data in two sweeps.
     assert (marks_of(left.health) == Mark.SOME_MISSING).sum() == 8
 
 
 @pytest.mark.slow
 def test_of_another_device_no_taxel_is_given(tmp_path):
-    """The product code is 0x16160009 in place of the one in the EDS beside the layout."""
+    """The log contains the product code 0x16160009 instead of the product code in the EDS beside the layout."""
     lines = [line.replace('5A0#4318100208001616', '5A0#4318100209001616') for line in session()]
     path = logged(tmp_path / 'x.log', lines)
     report = report_of(path)
@@ -143,7 +146,10 @@ def test_of_another_device_no_taxel_is_given(tmp_path):
 
 
 def test_an_identity_that_changes_is_two_devices():
-    """The revision is read twice. Answers of another node do not count."""
+    """In the log, the device gives two different revisions.
+
+    Responses of another node must not be counted.
+    """
     records = NodeRecords({32: 'left'}, frozenset())
     for can_id, data in ((0x620, '4018100300000000'), (0x5A0, '4318100300000100'), (0x5A1, '4318100300000300'),
                          (0x620, '4018100300000000'), (0x5A0, '4318100300000200'), (0x620, '4018100300000000'),
@@ -156,7 +162,7 @@ def test_an_identity_that_changes_is_two_devices():
 
 @pytest.mark.slow
 def test_taxels_of_another_node_are_not_given(tmp_path):
-    """With node-ID 33, most TPDOs of node 32 would fit."""
+    """With node-ID 33, most TPDOs of node 32 would match the layout."""
     log = logged(tmp_path / 'x.log', session())
     pad, = report_of(log, node_ids=(33,)).pads
     assert pad.strangers == (32,) and pad.statistics.used > 0 and not pad.touches and pad.health is None
@@ -207,7 +213,7 @@ def pressed(taxels, value=50e3, missing=False):
 def touches_of(frames, period=0.02):
     """Return the touches found in ``frames``.
 
-    A frame is a pair of values and status, or None for a time without a frame.
+    Each frame is a pair of values and status, or None for a time without a frame.
     """
     finder = ReportedTouchFinder(make_recogniser(), 0.004, 'Pa')
     for k, pair in enumerate(frames):
@@ -232,7 +238,7 @@ def test_a_frame_in_which_the_pad_is_not_seen_ends_no_touch():
 
 
 def test_a_row_that_never_comes_joins_no_touches():
-    """The pad is never seen as a whole, but the release of the pressed taxels is seen."""
+    """The pad is never seen completely, but the release of the pressed taxels is seen."""
     frames = [pressed(4)] * 5 + [pressed(0)] * 5 + [pressed(4)] * 5
     for values, status in frames:
         values[7, :8], status[7, :8] = NAN, TaxelStatus.STALE
@@ -245,14 +251,14 @@ def test_a_time_without_frames_ends_one():
 
 
 class Joining:
-    """Recognises a square made of all pieces."""
+    """A recogniser that reports a square consisting of all pieces."""
 
     def recognise(self, contact, visibility=None):
         return Recognition.certain(Shape.SQUARE)._replace(joined=True)
 
 
 def test_force_over_time_is_that_of_the_whole_contact():
-    """A silent column splits a square of 8 x 8 into 8 x 5 and 8 x 2 taxels of 50 kPa and 16 mm²."""
+    """A column without load splits a square of 8 x 8 taxels into 8 x 5 and 8 x 2 taxels of 50 kPa and 16 mm²."""
     values, status = pressed(8)
     values[:, 10] = 0
     finder = ReportedTouchFinder(Joining(), 0.004, 'Pa')
@@ -288,7 +294,7 @@ def test_marks_of_taxels():
 
 
 class Status:
-    """A message that consists of its fields."""
+    """A message object that has the given fields and no others."""
 
     def __init__(self, **fields):
         self.__dict__.update(fields)
@@ -305,7 +311,7 @@ def test_counts_of_the_driver_are_those_within_the_recording():
     record = StatusRecord()
     for k, each in enumerate((status(late=5, emcy=2), status(late=8, emcy=3), status(late=1, emcy=0))):
         record.feed_status(BEGIN + k, each)
-    # The late count rises by 3. Then the driver restarts, and its count of 1 is added.
+    # The count of late TPDOs rises by 3. The driver then restarts, and its new count of 1 is added.
     assert dict(record.losses('robot/left')) == {'late': 4, 'short': 7}
     assert record.losses('right') is None
     node, = record.nodes()

@@ -1,6 +1,6 @@
-"""The page of a report needs no other file and runs nothing.
+"""The page of a report is self-contained and runs no script.
 
-It names the facts that the recording lacks. Bags are tested, too.
+The page names the facts that the recording does not contain. Pages of bags are tested, too.
 """
 
 import sys
@@ -31,7 +31,7 @@ NAN = float('nan')
 
 
 class Page(HTMLParser):
-    """Tags, attributes and text of a page; ``open`` lists the tags that were not closed."""
+    """Tags, attributes and text of a page, where ``open`` lists the tags that were not closed."""
 
     def __init__(self, text):
         super().__init__()
@@ -57,7 +57,7 @@ class Page(HTMLParser):
 
 
 def check_alone(text):
-    """Check that a page neither loads nor runs anything; return the page."""
+    """Check that a page loads no file and runs no script, and return the parsed page."""
     page = Page(text)
     assert not page.open
     assert not {'script', 'link', 'iframe', 'object', 'embed', 'base', 'form', 'img'} & set(page.tags)
@@ -70,7 +70,7 @@ def check_alone(text):
 
 
 def frames(count=30):
-    """Yield frames with a square from the tenth frame on.
+    """Yield frames, with a square from the tenth frame on.
 
     Taxel (0, 0) is dead. Taxel (0, 1) is missing in half of the frames.
     """
@@ -98,13 +98,13 @@ def test_the_page_of_a_log_is_alone_and_escapes_what_devices_send(tmp_path):
     named = [f'{lines[at].split()[0]} can0 {frame} R' for frame in NAME_UPLOAD]
     path = logged(tmp_path / 'a<script>alert(2)&.log', [*lines[:at], *named, *lines[at:]])
     page = check_alone(page_of(report_of(path)))
-    assert '<script>alert(1)' in page.texts  # The device's name appears as text.
+    assert '<script>alert(1)' in page.texts  # The page shows the device's name as text, not as markup.
     assert any('a<script>alert(2)&.log' in text for text in page.texts)
-    assert page.tags.count('polygon') == 2  # Each pad has the outline of one touch.
+    assert page.tags.count('polygon') == 2  # Each of the two pads shows the outline of one touch.
 
 
 def test_the_page_of_nothing_says_so(tmp_path):
-    """If the log cannot show a fact, the page reports neither a count of 0 nor that all is well."""
+    """If the log does not show a fact, the page reports neither a count of 0 nor that all is well."""
     lines = [line for line in session(1.0) if ' 080#' not in line]
     page = check_alone(page_of(report_of(logged(tmp_path / 'x.log', lines))))
     assert page.texts.count(ABSENT_TEXT) >= 8
@@ -148,7 +148,7 @@ def test_a_bag_cut_short_is_reported_up_to_there(tmp_path):
     file = tmp_path / 'cut.mcap'
     whole = mcap_file(file, frames(20))
     mcap_file(file, frames())
-    file.write_bytes(file.read_bytes()[:whole + 100])  # a part of the 21st frame
+    file.write_bytes(file.read_bytes()[:whole + 100])  # The file ends within the 21st frame.
     report = reported(file)
     assert report.pads[0].frames == 20 and report.recording.unread == 1 and report.recording.problem
     assert Remark.UNREAD in {each.finding for each in findings(report)}
@@ -158,7 +158,7 @@ def test_a_bag_cut_short_is_reported_up_to_there(tmp_path):
 
 
 class Plug:
-    """Recognises a taught shape in every contact."""
+    """A recogniser that reports a taught shape for every contact."""
 
     def recognise(self, contact, visibility=None):
         return Recognition.certain(TaughtShape('my_plug') if contact.mask.any() else Shape.NONE)
@@ -180,7 +180,8 @@ def test_the_command_writes_a_whole_page_or_none(tmp_path, capsys):
     log, out = logged(tmp_path / 'x.log', session(2.5)), tmp_path / 'report.html'
     assert main(['report', log, '--node-id', '32', '--pads', '<left>', '--bitrate', '500000', '-o', str(out)]) == 0
     shown = capsys.readouterr()
-    assert str(out) in shown.out and not shown.err  # There is no progress, because the output is not a terminal.
+    # The command prints no progress, because its output is not a terminal.
+    assert str(out) in shown.out and not shown.err
     page = check_alone(out.read_text(encoding='utf-8'))
     assert 'Pad <left>' in ''.join(page.texts)
     before = out.read_bytes()

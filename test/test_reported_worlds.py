@@ -1,4 +1,4 @@
-"""The reported test data: foreign and blemished figures, idle pads, and cells of the search for blind spots."""
+"""The data for the reported tests: foreign and damaged figures, idle pads, and cells of the search for blind spots."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,8 @@ def test_a_foreign_figure_is_of_one_piece_and_like_none_of_the_five(family):
     rng, filled = random_stream(2), np.pad(ndimage.binary_fill_holes(stamp.filled)[::2, ::2], 40)
     rows, cols = np.nonzero(filled)
     y, x = (np.indices(filled.shape) - np.array((rows.mean(), cols.mean()))[:, None, None]) / np.sqrt(len(rows))
-    for k in range(150):  # Shapes in random poses about the centre of the figure: none of them reaches the limit.
+    # Shapes in random poses about the centre of the figure must all overlap the figure by less than the limit.
+    for k in range(150):
         contact = random_contact(rng, CLASSES[k % 5], rng.uniform(0.8, 1.3), rows=1, cols=1)
         other = Contact(contact.shape, contact.dimensions, *rng.normal(0, 0.08, 2), angle=contact.angle)
         common = other.depth(x, y) >= 0
@@ -47,10 +48,10 @@ def test_tables_say_how_many_were_counted():
 
 @pytest.mark.slow
 def test_the_p_value_behaves_as_one():
-    """Exactly at the limit, the p value is below p in a fraction p of the experiments."""
+    """Exactly at the limit, the p value lies below p in a fraction p of the experiments."""
     rng, below = random_stream(9), 0
     for _ in range(2000):
-        # The outcomes are won, lost and equal, so this side is 0.015 behind.
+        # With these probabilities of won, lost and equal, this side is behind by 0.015.
         kind = rng.choice(3, 2000, p=(0.02, 0.035, 0.945))
         below += p_value_behind(kind != 1, kind != 0, 0.015) < 0.05
     assert below / 2000 == pytest.approx(0.05, abs=0.015)

@@ -1,4 +1,4 @@
-"""`make reproduce`: its statistics computed by hand, its worlds, and a small complete run."""
+"""`make reproduce`: statistics worked out by hand, the simulated data, and a small complete run."""
 
 import csv
 import re
@@ -18,7 +18,7 @@ from training.ground_truth.seeds import Purpose, generator, random_pattern
 
 
 def test_the_first_wrong_decision_bears_the_loss():
-    """The order is: rectangle, right triangle (plane 1), isosceles triangle (plane 2), square, circle (plane 3)."""
+    """The classes are rectangle, right triangle (plane 1), isosceles triangle (plane 2), square, circle (plane 3)."""
     labels = np.array([0, 1, 2, 2, 3, 4, 4, 4])
     answer = np.array([1, 1, 0, 4, 4, 2, 3, 4])
     assert lost_in_plane(answer, labels) == {1: 2 / 8, 2: 2 / 8, 3: 2 / 8}

@@ -1,4 +1,4 @@
-"""The missing parts of a grasp, from given facts. A fact that is not known now fulfils no requirement."""
+"""The unmet conditions of a grasp, derived from given facts. A fact that is unknown at present meets no requirement."""
 
 import re
 from math import inf, nan
@@ -45,7 +45,7 @@ def test_each_limit_is_seen(required, expected):
     (GraspContact.ONE_SIDED, M.ONE_SIDED)])
 @pytest.mark.parametrize('claims', [{}, {'fresh': False}])
 def test_without_two_contacts_that_are_seen_nothing_else_counts(contact, expected, claims):
-    """The state may still claim to be stable."""
+    """The grasp state may still claim to be stable."""
     assert short_of(HELD._replace(contact=contact, **claims)) == (expected,)
 
 

@@ -1,4 +1,7 @@
-"""Each page of results is exactly the output of its script for the recorded tables. No one has edited it by hand."""
+"""Each results page must equal the output of its script for the recorded tables.
+
+A results page must not be edited by hand.
+"""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The results of the stages arrive in the messages, with the units and the order that msg/ promises."""
+"""The results of the stages appear in the messages with the units and in the order that msg/ states."""
 
 import math
 
@@ -58,7 +58,7 @@ def test_ages_of_a_snapshot_arrive_in_the_order_of_its_tpdos():
 
 
 def block(rows, cols, value=50e3):
-    """Return a full block of taxels in the middle of a pad of 16x16."""
+    """Return a pad of 16x16 taxels with a block of pressed taxels in the middle."""
     values = np.zeros((16, 16), np.float32)
     values[4:4 + rows, 3:3 + cols] = value
     return values
@@ -156,7 +156,7 @@ def test_shape_message_tells_a_rectangle_in_metres():
     assert (message.held.sec, message.held.nanosec, message.fused_frames) == (1, 500_000_000, 30)
     assert list(message.dimension_names) == ['long', 'short'] and message.symmetry == 2
     assert list(message.dimensions) == pytest.approx([9 * PITCH, 4 * PITCH], rel=0.02)
-    # The contact covers columns 3 to 11 and rows 4 to 7, and its centre lies in the middle of them.
+    # The contact covers columns 3 to 11 and rows 4 to 7. Its centre is the mean of these columns and rows.
     assert message.pose.pose.position.x == pytest.approx(7 * PITCH, abs=0.02 * PITCH)
     assert message.pose.pose.position.y == pytest.approx(5.5 * PITCH, abs=0.02 * PITCH)
     assert abs(message.pose.pose.orientation.z) < math.sin(math.radians(1) / 2)
@@ -226,7 +226,7 @@ def test_two_pads_become_one_grasp():
     assert grasp.age.nanosec == 500_000_000
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh and grasp.same_shape and not grasp.stable
     assert grasp.header.frame_id == 'gripper' and grasp.header.stamp == message.header.stamp
-    # Of the default pads, the right one is rotated by pi about x. The y of the right centre is therefore mirrored.
+    # By default, the right pad is rotated by pi about x, so the y of the right centre is mirrored.
     assert grasp.right_centre.x == pytest.approx(grasp.left_centre.x)
     assert grasp.right_centre.y == pytest.approx(-grasp.left_centre.y)
     assert grasp.width == pytest.approx(2 * grasp.left_centre.y)
@@ -234,9 +234,9 @@ def test_two_pads_become_one_grasp():
 
 
 def test_the_object_of_a_grasp_is_what_both_pads_see():
-    """Both pads see the same bar of 9 x 4 taxels, mirrored by the default pads.
+    """Both pads see the same bar of 9 x 4 taxels, which the default pads mirror.
 
-    The y of the object is 0 between them.
+    Between the two pads, the object's y is 0.
     """
     side, tracker = shape(block(4, 9), Shape.RECTANGLE), GraspTracker()
     side.force_sd, side.sequence, side.hidden_taxels, side.hidden_ring_taxels = 0.02, 7, 2, 3
@@ -246,7 +246,8 @@ def test_the_object_of_a_grasp_is_what_both_pads_see():
     grasp = grasp_message(state, [side, side], UNKNOWN_OPENING, 'gripper', (0.1, 0.1), Gripper())
     assert check_grasp(grasp) is None
     assert (grasp.shape, grasp.class_name) == (ContactShape.RECTANGLE, 'rectangle')
-    assert grasp.confidence == pytest.approx(0.75 * 0.75)  # On each side, a quarter of the probability is unknown.
+    # On each side, the probability that the shape is unknown is a quarter.
+    assert grasp.confidence == pytest.approx(0.75 * 0.75)
     assert list(grasp.dimension_names) == ['long', 'short'] and not any(grasp.dimension_is_bound)
     assert list(grasp.dimensions) == pytest.approx([9 * PITCH, 4 * PITCH], rel=0.02)
     sds = dict(zip(side.parameter_names, side.standard_deviations))
@@ -278,7 +279,7 @@ def test_the_sides_of_a_grasp_are_a_message_of_their_own():
                                    {'parameter_names': ['a'] * 5}, {'dimension_names': [], 'dimensions': [],
                                                                     'dimension_is_bound': []}])
 def test_a_fit_without_deviations_is_none_for_the_object(wrong):
-    """The check of a shape accepts these fits, but they give no weights."""
+    """The check of a shape message accepts these fits, but fits without standard deviations get no weight."""
     side = shape(block(4, 9), Shape.RECTANGLE)
     for name, value in wrong.items():
         setattr(side, name, value)
@@ -287,9 +288,10 @@ def test_a_fit_without_deviations_is_none_for_the_object(wrong):
 
 @pytest.mark.parametrize('period', [0.02, 0.05, 0.2])
 def test_a_receiver_of_grasps_knows_their_age_whatever_the_period(period):
-    """Stamp and age come from the same side.
+    """The stamp and the age of a grasp must come from the same side.
 
-    When they came from two sides, they differed by a period, and a planner's estimate of the age never settled.
+    In an earlier version, the stamp and the age came from two sides that differed by a period, and a planner's estimate
+    of the age never settled.
     """
     left, right = shape(block(6, 6), Shape.SQUARE), shape(block(6, 6), Shape.SQUARE)
     arrivals, now = {}, 50.0
@@ -334,7 +336,7 @@ def test_one_touched_pad_is_no_line():
     assert grasp.contact == Grasp.ONE_SIDED and math.isnan(grasp.width) and math.isnan(grasp.midpoint.x)
 
 
-# The state of a side, and whether its centre is reliable.
+# Tests of the state of a side, and of the reliability of its centre.
 
 def dead(values, *taxels):
     for row, col in taxels:
@@ -371,10 +373,13 @@ def test_a_side_is_empty_only_if_seen_and_a_cut_contact_shows_no_creep(values, k
 
 @pytest.mark.parametrize('kind', (Shape.RECTANGLE, Shape.UNKNOWN))
 def test_what_reaches_the_edge_is_a_bound_for_a_grasp_also_where_the_finger_ends_and_its_force_is_whole(kind):
-    """The object may reach beyond the finger. Its centre may then lie elsewhere, and it may creep along itself."""
+    """The object may extend beyond the finger.
+
+    An object beyond the finger may have its centre elsewhere, and may creep along its own length.
+    """
     message = shape(bar(), kind)
     assert message.at_edge and message.force_is_bound and message.centre_of_pressure_is_bound
-    # If the finger ends at the edge, the message has these values.
+    # The message has these values if the finger ends at the edge of the pad.
     message.force_is_bound = message.centre_of_pressure_is_bound = False
     assert side_result(message, 5.0).is_bound and side_result(message, 5.0).hides_creep
 
@@ -386,13 +391,13 @@ def test_a_dead_taxel_beside_a_contact_does_not_hide_its_creep():
     result = side_result(message, 5.0)
     assert not message.size_is_bound and message.hidden_ring_taxels == 1
     assert not result.hides_creep and not result.is_bound
-    # The standard deviation includes the force that one taxel may add.
+    # The standard deviation already includes the force that one dead taxel may add, so the result is no bound.
     assert not side_result(shape(values, Shape.UNKNOWN), 5.0).is_bound
 
 
 def test_the_resolution_of_a_centre_is_that_of_its_source():
     values = block(6, 6)
-    values[5, 4] *= 0.99  # The contact has pressures and is not on/off.
+    values[5, 4] *= 0.99  # With two different values, the contact counts as pressures and not as on/off.
     assert side_result(shape(values, Shape.SQUARE), 0.0).resolution == pytest.approx(0.1 * PITCH, rel=0.01)
     assert side_result(shape(values, Shape.UNKNOWN), 0.0).resolution == pytest.approx(0.5 * PITCH, rel=0.01)
     message = shape(values, Shape.SQUARE)
@@ -409,5 +414,5 @@ def test_hidden_taxels_that_could_hold_a_contact_are_not_empty():
                            class_names=names, probabilities=[0.0, 1.0], frame_probabilities=[0.0, 1.0])
     assert side_result(message, 0.0).state is SideState.UNSEEN
     assert side_result(ContactShape(), 0.0).state is SideState.UNSEEN
-    message.shape = ContactShape.NONE  # NONE from an unseen pad does not prove that the pad is empty.
+    message.shape = ContactShape.NONE  # The shape NONE from an unseen pad does not prove that the pad is empty.
     assert side_result(message, 0.0).state is SideState.UNSEEN

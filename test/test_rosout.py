@@ -1,4 +1,4 @@
-"""Records of Python's logging arrive on /rosout once, with their level, under the driver's name, from any thread."""
+"""Records of Python's logging appear on /rosout once, with their level, under the driver's name, from any thread."""
 
 import itertools
 import logging
@@ -28,9 +28,9 @@ _numbers = itertools.count()
 
 
 def driver(namespace=None, **given):
-    """Return a driver in a namespace of its own.
+    """Return a driver in a namespace that no other test uses.
 
-    The /rosout publisher of a destroyed node may outlive it, and still serves its name.
+    The /rosout publisher of a destroyed node may live on and still publish under the node's name.
     """
     namespace = namespace or f'test{next(_numbers)}'
     return DriverNode(namespace=namespace,
@@ -38,7 +38,7 @@ def driver(namespace=None, **given):
 
 
 class Rosout(RosBench):
-    """Collects the messages on /rosout."""
+    """Collects the messages published on /rosout."""
 
     def __init__(self, stack):
         super().__init__(stack)
@@ -46,7 +46,7 @@ class Rosout(RosBench):
         self.node.create_subscription(Log, '/rosout', self.heard.append, 100)
 
     def wait_for_driver(self):
-        """Log until a message arrives, which shows that discovery has found the driver's publisher."""
+        """Write log records until one arrives, because discovery has then found the driver's publisher."""
         def is_found():
             CAN_SIDE.info('hello')
             self.executor.spin_once(timeout_sec=0.05)
@@ -56,7 +56,7 @@ class Rosout(RosBench):
         self.heard.clear()
 
     def settle(self):
-        """Receive the messages under way. An end mark follows them."""
+        """Receive the messages that are still in transit. The test logs an end mark and waits for it."""
         CAN_SIDE.info('end mark %d', mark := time.monotonic_ns())
         self.until(lambda: any(str(mark) in message.msg for message in self.heard), 'no end mark')
         self.heard[:] = [message for message in self.heard if 'end mark' not in message.msg]
@@ -118,7 +118,7 @@ def test_of_two_drivers_the_older_one_forwards_then_the_other(rosout):
 
 
 def test_each_node_of_a_process_logs_under_its_own_name(rosout):
-    """A node reports its own records, and the driver reports those of the bus."""
+    """A node publishes its own log records, and the driver publishes the log records of the bus."""
     node, namespace = driver(), f'test{next(_numbers)}'
     processor = rosout.add(ProcessorNode(namespace=namespace))
     forward_logs_to(processor)
@@ -141,7 +141,8 @@ def test_each_node_of_a_process_logs_under_its_own_name(rosout):
 
 def test_without_a_node_warnings_go_to_stderr(rosout, capfd, monkeypatch):
     package = logging.getLogger('tactile_node')
-    monkeypatch.setattr(package, 'propagate', False)  # This removes the handlers of pytest.
+    # Without propagation, records do not reach the handlers of pytest.
+    monkeypatch.setattr(package, 'propagate', False)
     driver().destroy_node()
     assert not any(isinstance(handler, RosoutHandler) for handler in package.handlers)
     CAN_SIDE.warning('after the end')
@@ -161,9 +162,9 @@ def test_commands_without_nodes_print_warnings_to_stderr_once(capsys, monkeypatc
 
 
 def test_what_the_bus_logs_arrives_under_the_drivers_name(rosout):
-    """The records come from the supervisor's thread.
+    """The supervisor's thread writes these log records.
 
-    The device is switched off, and the driver is closed while the device is off.
+    The test switches the device off, and closes the driver while the device is off.
     """
     with FaultBench('rosout') as bench:
         node = driver(interface='virtual', channel=bench.channel, pads=['pad32'], node_ids=[32], layouts=[LAYOUT])

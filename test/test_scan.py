@@ -1,4 +1,4 @@
-"""`tactile scan` with devices that are written here by hand from CiA 301, without canopen."""
+"""`tactile scan` is tested with hand-written devices that follow CiA 301 and do not use canopen."""
 
 import json
 import os
@@ -15,11 +15,14 @@ from tactile_node.cli.main import main
 
 pytestmark = pytest.mark.bus
 
-ABORT = bytes.fromhex('00000206')  # Abort code: the object does not exist.
+ABORT = bytes.fromhex('00000206')  # Abort code for an object that does not exist.
 
 
 class Device(Served):
-    """A server of expedited and segmented uploads with a heartbeat. It records every received frame."""
+    """An SDO server for expedited and segmented uploads that also sends a heartbeat.
+
+    The server records every received frame.
+    """
 
     def __init__(self, channel, node_id, objects, heartbeat: bytes | None = b'\x05'):
         super().__init__(channel)
@@ -44,7 +47,7 @@ class Device(Served):
                 self._send(0x580, self._answer(bytes(message.data)))
 
     def _answer(self, request):
-        if request[0] & 0xE0 == 0x60:  # The request is for a segment.
+        if request[0] & 0xE0 == 0x60:  # The request asks for the next segment.
             self._toggle ^= 0x10
             part, self._rest = self._rest[:7], self._rest[7:]
             return bytes([(self._toggle ^ 0x10) | (7 - len(part)) << 1 | (not self._rest)]) + part.ljust(7, b'\0')
@@ -85,7 +88,7 @@ def test_nodes_are_found_with_identity_state_and_layout(capsys):
     assert first['heartbeat_time'] == 0.1 and first['heartbeat_period'] == pytest.approx(0.1, abs=0.08)
     assert [path.rsplit('/', 1)[1] for path in first['layouts']] == ['sim16x16.yaml']
     assert mute['state'] is None and mute['answers'] and not mute['layouts'] and mute['name'] is None
-    assert bare['answers'] and bare['device_type'] is None  # An abort is an answer, too.
+    assert bare['answers'] and bare['device_type'] is None  # An abort also counts as a response.
     assert requests == {0x40, 0x60}, 'the scan must only read'
 
 
@@ -129,7 +132,7 @@ def test_a_folder_of_eds_files_is_compared_too(tmp_path, capsys):
 
 
 def test_frames_that_were_all_damaged_are_not_silence(capsys):
-    """Such frames come from a wrong bit rate, or from an adapter that writes its lines in another way."""
+    """A wrong bit rate, or an adapter with another line format, produces damaged frames only."""
     with serial_line() as (adapter, port), ThreadPoolExecutor() as pool:
         ends = threading.Event()
 

@@ -1,4 +1,4 @@
-"""`tactile sdo` with the frames of another CANopen stack, recorded from the demo device of CANopenNode (node 4)."""
+"""`tactile sdo` is tested with recorded frames of another stack, CANopenNode's demo device (node 4)."""
 
 import json
 
@@ -13,7 +13,7 @@ from tactile_node.skin.object_value import WrongValueError, decode_value, encode
 
 pytestmark = pytest.mark.bus
 
-#: Pairs of request and answer, as they were on the bus.
+#: Pairs of an SDO request and its response, as recorded on the bus.
 NAME = [('4008100000000000', '4108100010000000'), ('6000000000000000', '0043414E6F70656E'),
         ('7000000000000000', '1044656D6F4C696E'), ('6000000000000000', '0B75780000000000')]
 REAL = [('4020210300000000', '432021031F854541')]
@@ -25,7 +25,7 @@ HEARTBEAT = [('4017100000000000', '4B17100064000000')]
 STORE = [('2310100173617665', '6010100100000000')]
 STORE_2 = [('2310100273617665', '6010100200000000')]
 RESTORE = [('231110016C6F6164', '6011100100000000')]
-MAPPING = [('2F001A0000000000', '80001A0000000106')]  # The device refuses this while the TPDO is valid.
+MAPPING = [('2F001A0000000000', '80001A0000000106')]  # The device refuses this request while the TPDO is valid.
 
 EDS = '[DeviceInfo]\nVendorName=x\n' + record(
     0x2120, {0: (5, None), 3: (8, None, 'R32')}, 'Demo record') + ''.join(
@@ -34,7 +34,7 @@ EDS = '[DeviceInfo]\nVendorName=x\n' + record(
 
 
 class Recorded(Served):
-    """Answers the recorded requests, in their order, with the recorded answers, and no others."""
+    """A server that answers only the recorded requests, in their order, with the recorded responses."""
 
     def __init__(self, channel, exchange, node_id=4):
         super().__init__(channel)
@@ -55,7 +55,7 @@ class Recorded(Served):
 
 
 def sdo(capsys, exchange, action, *words, node_id=4):
-    """Return the exit code, the output, the errors, and the requests that the device received."""
+    """Return the exit code, the standard output, the error output, and the requests that the device received."""
     channel = channel_of('sdo command')
     with Recorded(channel, exchange) as device:
         code = main(['sdo', action, '--interface', INTERFACE, '--channel', channel, '--node-id', str(node_id),
@@ -87,7 +87,7 @@ def test_an_eds_names_objects_and_their_types(tmp_path, capsys):
 
 
 def test_a_name_that_several_objects_have_is_refused_before_anything_is_sent(tmp_path, capsys):
-    """canopen's dictionary would choose the last TPDO with this name."""
+    """If the name is ambiguous, canopen's dictionary would choose the last TPDO with this name."""
     eds = tmp_path / 'device.eds'
     eds.write_text(EDS)
     code, _, err, requests = sdo(capsys, [], 'write', 'TPDO communication parameter.COB-ID used by TPDO', '0', '--eds',
@@ -104,13 +104,13 @@ def test_an_object_is_written_in_the_bytes_of_its_type(exchange, words, capsys):
 
 
 @pytest.mark.parametrize('words', [
-    ('0x1017', '1000'),  # The number of bytes is not known, so this may be 1000 ms or the bytes 10 00.
+    ('0x1017', '1000'),  # Without a type, the number of bytes is unknown, so 1000 may mean 1000 ms or the bytes 10 00.
     ('0x1017', '70000', '--type', 'u16'), ('0x1017', '-1', '--type', 'u16'), ('0x1017', '1.5', '--type', 'u16'),
-    ('1017', '100', '--type', 'u16'),  # Decimal 1017 is a data type, but 0x1017 is meant.
-    ('5120', '100', '--type', 'u16'),  # Decimal 5120 would be an RPDO.
+    ('1017', '100', '--type', 'u16'),  # Decimal 1017 is the index of a data type, but the user means 0x1017.
+    ('5120', '100', '--type', 'u16'),  # Decimal 5120 is the index of an RPDO.
     ('0x1017:300', '1', '--type', 'u16'), ('0x10170', '1', '--type', 'u16'), ('Heartbeat', '1', '--type', 'u16'),
     ('0x1017', 'zz', '--type', 'hex'), ('0x1017', 'ä', '--type', 'str'), ('0x1017', '2', '--type', 'bool'),
-    ('0x2121:2', '', '--type', 'str'), ('0x2122', '', '--type', 'hex')])  # canopen sends nothing for an empty value.
+    ('0x2121:2', '', '--type', 'str'), ('0x2122', '', '--type', 'hex')])  # canopen sends no request for an empty value.
 def test_what_could_mean_something_else_is_refused_and_nothing_sent(words, capsys):
     code, out, err, requests = sdo(capsys, [], 'write', *words)
     assert code == 2 and not out and 'expected' in err and not requests

@@ -1,6 +1,6 @@
-"""A pad made of two CANopen nodes, byte by byte and end to end.
+"""A pad that consists of two CANopen nodes, tested byte by byte and end to end.
 
-Node 1 sends 0x181 and 0x281; node 5 sends 0x185 and 0x285.
+Node 1 sends 0x181 and 0x281, while node 5 sends 0x185 and 0x285.
 """
 
 import itertools
@@ -70,7 +70,10 @@ def test_the_delayed_tail_of_one_node_goes_back_once_that_node_begins_its_next_s
 
 
 def test_a_whole_sweep_after_a_silent_period_does_not_go_back_before_a_lost_sync_may_show(assembler):
-    """Node 1 omits sweep 1, and SYNC 3 is lost. Sweep 2 of node 1 must not be joined with sweep 1 of node 5."""
+    """Node 1 omits sweep 1, and the driver does not receive SYNC 3.
+
+    The driver must not join sweep 2 of node 1 with sweep 1 of node 5.
+    """
     assembler.sync(0.0)
     feed(assembler, *FIRST, *SECOND)
     given = [*assembler.sync(10.0)]
@@ -78,7 +81,7 @@ def test_a_whole_sweep_after_a_silent_period_does_not_go_back_before_a_lost_sync
         given += assembler.feed(can_id, data, 11.0)
     given += assembler.sync(20.0)
     sweep = [tpdo for pair in zip(FIRST, SECOND) for tpdo in pair]
-    for can_id, data in (*sweep, *sweep):  # These are sweeps 2 and 3.
+    for can_id, data in (*sweep, *sweep):  # The CAN frames of sweeps 2 and 3 follow.
         given += assembler.feed(can_id, bytes(len(data)), 21.0)
     given += assembler.sync(40.0)
     for frame in (result for result in given if not isinstance(result, Loss)):
@@ -97,11 +100,11 @@ def test_it_is_dropped_when_that_node_begins_none(assembler):
 
 
 def test_nothing_goes_back_to_a_period_in_which_a_sync_was_lost(assembler):
-    """The driver lags behind the bus, so it notices the lost SYNC late."""
+    """The driver lags behind the bus and therefore notices the lost SYNC late."""
     assembler.sync(0.0)
     feed(assembler, FIRST[0], at=1.0)
     assembler.sync(10.0)
-    frame, torn = assembler.feed(0x181, bytes(2), 6.0)  # The sweep after the lost SYNC.
+    frame, torn = assembler.feed(0x181, bytes(2), 6.0)  # This CAN frame belongs to the sweep after the lost SYNC.
     assert np.isnan(frame.values).all() and torn == Loss(LossReason.LATE, 2)
     feed(assembler, *SECOND, *SECOND, FIRST[0], at=12.0)
     after, late = assembler.feed(*FIRST[1], 12.0)
@@ -110,7 +113,7 @@ def test_nothing_goes_back_to_a_period_in_which_a_sync_was_lost(assembler):
 
 @pytest.mark.parametrize('second', [(), SECOND[:1], SECOND[1:]], ids=['all lost', 'end lost', 'begin lost'])
 def test_a_lost_sync_never_mixes_two_periods_of_two_nodes(assembler, second):
-    """After FIRST and a part of SECOND, the next sweeps follow without a SYNC between them."""
+    """After FIRST and a part of SECOND, both nodes send the next sweeps without a SYNC in between."""
     old = [(can_id, bytes(len(data))) for can_id, data in (*FIRST, *second)]
     assembler.sync(0.0)
     feed(assembler, *old)

@@ -1,4 +1,4 @@
-"""Taxels that are pressed by chance are no contact."""
+"""Taxels that are pressed by chance must not form a contact."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tactile_node.shape.shapeless import is_shapeless
 
 
 def of_taxels(pressed, hidden=None):
-    """Return the pattern of the largest contact of on/off taxels."""
+    """Return the pattern of the largest contact for an array of on/off taxels."""
     values = pressed.astype(float)
     if hidden is not None:
         values[hidden] = np.nan
@@ -61,7 +61,7 @@ def test_a_bar_wider_than_a_taxel_is_a_contact_also_from_edge_to_edge(mask):
     assert not is_shapeless(of_taxels(mask))
 
 
-LEVELS = {  # Levels of the rows beside two rows that read 10; the noise is 0.5.
+LEVELS = {  # Levels of the 16 rows of a pad. The bar covers two rows that read 10, and the noise is 0.5.
     'many others move': [0, 1, 0, 0, 2, 0, 1, 10, 10, 0, 0, 4, 1, 0, 3, 0],
     'one other moves': [0, 0, 0, 5, 0, 0, 0, 10, 10, 0, 0, 0, 0, 0, 0, 0],
     'one moves the other way': [0, 0, 0, 0, 0, 0, 0, 10, 10, 0, -4, 0, 0, 0, 0, 0],
@@ -82,9 +82,9 @@ def test_a_band_on_a_pad_that_hums_is_no_bar(levels, turn):
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
 @pytest.mark.parametrize('other', [None, 5, -4])
 def test_a_bar_across_a_pad_is_a_contact(other, turn):
-    """The bar counts on a pad at rest, however even it is.
+    """On a pad at rest, the bar counts as a contact, however uniform its pressure is.
 
-    It also counts beside a row that moves, if the gains of its taxels differ.
+    Beside a row that moves, the bar also counts as a contact if the gains of its taxels differ.
     """
     rng, passed = np.random.default_rng(7), 0
     for _ in range(100):
@@ -111,9 +111,9 @@ def test_what_stands_out_of_noisy_lines_is_no_contact(turn):
 @pytest.mark.parametrize('density', [0.01, 0.03, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5])
 @pytest.mark.parametrize('side', [8, 16])
 def test_salt_makes_no_contact_of_a_size_that_has_a_shape(density, side):
-    """Here at most 1 % of the cases may pass this check.
+    """At most 1 % of the cases may pass as a contact in this test.
 
-    The limit of 0.1 % applies to recognised shapes (`make bench`).
+    A stricter limit of 0.1 % applies to recognised shapes (`make bench`).
     """
     rng = np.random.default_rng(1)
     passed = 0
@@ -143,21 +143,21 @@ def test_a_part_of_a_line_that_hums_is_no_contact(turn):
     rng = np.random.default_rng(3)
     hum = 0.02 * rng.standard_normal((24, 24))
     hum[10:12] += 0.6
-    hum[10:12, 6:14] += 0.2  # This part stands out of the two rows.
+    hum[10:12, 6:14] += 0.2  # This part of the two rows rises above the rest.
     mask = np.zeros((24, 24), bool)
     mask[10:12, 6:14] = True
     assert is_shapeless(ContactPattern.of(turn(mask), turn(hum)))
     contact = 0.02 * rng.standard_normal((24, 24))
     contact[10:12, 6:14] += 0.8
     assert not is_shapeless(ContactPattern.of(turn(mask), turn(contact)))
-    contact[10:12, 17:22] += 0.8  # A second contact covers the same rows.
+    contact[10:12, 17:22] += 0.8  # A second contact presses in the same rows.
     assert not is_shapeless(ContactPattern.of(turn(mask), turn(contact)))
 
 
 def test_the_partial_pressures_around_a_few_taxels_tell_a_contact_from_specks():
-    """On a finger's pad of 13x6 taxels, five pressed taxels alone may be chance.
+    """On a finger's pad of 13x6 taxels, five pressed taxels alone may be due to chance.
 
-    Under a soft cover, they are a small contact.
+    Under a soft cover, five pressed taxels with partial pressures around them are a small contact.
     """
     plus = np.zeros((13, 6))
     plus[5:8, 3] = plus[6, 2:5] = 1.0

@@ -1,7 +1,7 @@
-"""The gripper in simulated physics.
+"""The simulated gripper in simulated physics.
 
-Pressures are compared with known solutions, and grasps with friction. The gripper is also tested as other processes
-meet it.
+The tests compare pressures with known solutions, and grasps with the limits of friction. Further tests use the gripper
+as a separate process, as other programs do.
 """
 
 import subprocess
@@ -43,9 +43,9 @@ physics = pytest.mark.skipif(find_spec('mujoco') is None,
 
 
 def felt(name, x=0.0, slope=0.0, force=2.0):
-    """Return the pressures of an item on a pad.
+    """Return the pressures that an item exerts on a pad.
 
-    The face of the item is ``x`` [m] from the middle of the pad, and is turned about y by ``slope`` [rad].
+    The face of the item lies ``x`` [m] from the middle of the pad, and is rotated about y by ``slope`` [rad].
     """
     pose = Transform(PadPose(rpy=(0.0, slope, 0.0)).rotation, np.array((MIDDLE + x, MIDDLE, ITEMS[name].length / 2)))
     return pressures(ITEMS[name], pose, force)
@@ -67,7 +67,7 @@ def lifted(name='square', effort=2.0):
     return world
 
 
-# These two items reach over the edge of the pad.
+# The bar and the bottle are left out, because they extend beyond the pad.
 @pytest.mark.parametrize('name', sorted({*ITEMS} - {'bar', 'bottle'}))
 @pytest.mark.parametrize('force', [0.0, 0.5, 4.0])
 def test_the_taxels_carry_the_force(name, force):
@@ -89,7 +89,10 @@ def test_an_item_half_off_the_pad_presses_the_other_half_twice():
 
 
 def test_a_ball_presses_as_on_a_foundation():
-    """Winkler: F = pi k R d**2. The pressure is k d in the middle and falls to 0 at sqrt(2 R d)."""
+    """For a Winkler foundation, F = pi k R d**2.
+
+    The pressure is k d in the middle and falls to 0 at the radius sqrt(2 R d).
+    """
     radius, force = 0.018, 2.0
     depth = sqrt(force / (pi * STIFFNESS * radius))
     found, edge = felt('ball', force=force), sqrt(2 * radius * depth)
@@ -100,7 +103,7 @@ def test_a_ball_presses_as_on_a_foundation():
 
 
 def test_an_oblique_face_presses_one_side_more():
-    found = felt('square', slope=0.01)  # The face comes nearer to the pad along x.
+    found = felt('square', slope=0.01)  # The face approaches the pad along x.
     np.testing.assert_allclose(np.diff(found[7, 6:10]), STIFFNESS * 0.01 * PITCH, rtol=0.01)
 
 
@@ -140,9 +143,10 @@ def test_the_fingers_do_not_enter_the_item(name):
     ('square', 2.0, Outcome.HELD), ('square', 0.55, Outcome.HELD), ('square', 0.45, Outcome.FREE),
     ('square', 0.2, Outcome.FREE), ('slippery', 2.0, Outcome.FREE), ('slippery', 3.0, Outcome.HELD)])
 def test_two_pads_carry_50_grams_by_friction(name, effort, outcome):
-    """The weight is 0.49 N.
+    """The object weighs 0.49 N.
 
-    With a friction coefficient of 0.5, each pad needs at least 0.49 N. With a coefficient of 0.1, it needs 2.45 N.
+    With a friction coefficient of 0.5, each pad needs at least 0.49 N. With a friction coefficient of 0.1, each pad
+    needs at least 2.45 N.
     """
     assert lifted(name, effort).outcome is outcome
 
@@ -164,7 +168,7 @@ def test_a_shake_of_2_g_loses_what_is_held_weakly(effort, outcome):
 @physics
 @pytest.mark.parametrize(('effort', 'outcome'), [(4.0, Outcome.HELD), (2.0, Outcome.DROPPED)])
 def test_a_pull_of_3_newtons_slides_what_friction_does_not_carry(effort, outcome):
-    world = lifted(effort=effort)  # The weight of the object is 0.5 N.
+    world = lifted(effort=effort)  # The object weighs 0.5 N.
     world.pull(0.01, 3.0)
     world.step(4.0)
     assert world.outcome is outcome
@@ -206,7 +210,7 @@ def test_both_pads_see_an_item_where_it_is():
     world = gripped('right_triangle', place=Place(x=0.006))
     left, right = map(world.pressures, ('left', 'right'))
     assert [np.arange(ROWS) @ each.sum(0) / each.sum() for each in (left, right)] == pytest.approx([10.5] * 2, abs=0.2)
-    np.testing.assert_allclose(left[::-1], right, atol=0.05 * left.max())  # The rows of this pad point upwards.
+    np.testing.assert_allclose(left[::-1], right, atol=0.05 * left.max())  # The rows of this pad run upwards.
 
 
 @physics

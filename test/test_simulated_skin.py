@@ -36,7 +36,7 @@ START, SYNC = (0x000, '0120'), (0x080, '')
 
 
 class Wire(SkinMaster):
-    """A bare CAN bus with one 16x16 pad, node 32, whose taxel (r, c) reads 16 r + c counts."""
+    """A CAN bus with one 16x16 pad at node 32, whose taxel (r, c) reads 16 r + c counts."""
 
     def __init__(self):
         super().__init__('wire', 'sim16x16.yaml', lambda t: 392.156862745 * np.arange(256).reshape(16, 16))
@@ -74,12 +74,12 @@ def test_enabled_tpdos_follow_sync_only_while_operational(wire):
     wire.send(*START)
     wire.send(*SYNC)
     assert wire.take(2) == [(0x1A0, '0001020304050607'), (0x1A1, '08090A0B0C0D0E0F')]
-    wire.send(0x000, '0200')  # NMT command to all nodes: stop.
+    wire.send(0x000, '0200')  # NMT command that stops all nodes.
     wire.send(*SYNC)
     assert wire.silent()
 
 
-#: Some TPDOs of sim16x16.eds, in the order in which the device sends them.
+#: Some TPDOs of sim16x16.eds, listed in the order in which the device sends them.
 UNSORTED = 'rows: 8\ncols: 7\npitch: 0.004\nvalue: {unit: Pa, scale: 1.0, bits: 8}\ntpdos:\n' + ''.join(
     f'- {{number: {number}, cob_id: $NODEID+0x{0x180 + number:X}, rows: {{first: 3, count: 2, step: [1, 0]}},\n'
     f'   map: {{object: 0x{0x2100 + number:X}, sub: 1, bits: 8, count: 8}},\n'
@@ -88,9 +88,9 @@ UNSORTED = 'rows: 8\ncols: 7\npitch: 0.004\nvalue: {unit: Pa, scale: 1.0, bits: 
 
 
 def test_the_tpdos_are_sent_in_the_order_of_the_layout(tmp_path):
-    """This includes the frames of multiplexed TPDOs.
+    """The frames of multiplexed TPDOs are also sent in the order of the layout.
 
-    A layout that lists TPDOs in the order of the device must work everywhere.
+    A layout that lists TPDOs in the device's order of sending must work with every part of the system.
     """
     path = tmp_path / 'unsorted.yaml'
     path.write_text(UNSORTED)
@@ -104,7 +104,10 @@ def test_the_tpdos_are_sent_in_the_order_of_the_layout(tmp_path):
 
 
 def test_written_mapping_transmission_type_and_cob_id_are_obeyed(wire):
-    """TPDO 1 maps 0x210F sub 16 and 0x2101 sub 1 (counts 255 and 16). It is sent on 0x3AA, at every second SYNC."""
+    """TPDO 1 maps 0x210F sub 16 and 0x2101 sub 1, which have the counts 255 and 16.
+
+    The device sends TPDO 1 with the COB-ID 0x3AA at every second SYNC.
+    """
     wire.take(1)
     for request in ('2F001A0000000000', '23001A0108100F21', '23001A0208010121', '2F001A0002000000',
                     '2F00180202000000',
@@ -122,7 +125,7 @@ def test_sdo_reads_the_taxels(wire):
     wire.send(*START)
     wire.send(*SYNC)
     wire.take(1)
-    # Object 0x2103 sub 4 is row 3, column 3, which reads 0x33.
+    # Object 0x2103 sub 4 is the taxel in row 3, column 3, which reads 0x33.
     assert wire.sdo('4003210400000000') == '4F03210433000000'
 
 
@@ -130,8 +133,8 @@ def test_sdo_reads_the_taxels(wire):
     (['4000300000000000'], '8000300000000206'),  # This object does not exist.
     (['4000180900000000'], '8000180911000906'),  # This sub-index does not exist.
     (['2301100000000000'], '8001100002000106'),  # The error register is read-only.
-    (['2B00180202000000'], '8000180210000706'),  # The value has two bytes in place of one.
-    (['23001A0108010121'], '80001A0122000008'),  # The mapping was not opened by writing 0.
+    (['2B00180202000000'], '8000180210000706'),  # The value has two bytes instead of one.
+    (['23001A0108010121'], '80001A0122000008'),  # The write of 0 that unlocks the mapping is missing.
     (['2F001A0000000000', '23001A0108000030'], '80001A0141000406'),  # The mapped object does not exist.
     (['23001801A0010000', '2F001A0000000000'], '80001A0022000008'),  # The TPDO is enabled, so its mapping is locked.
     (['23001801A0010000', '23001801AA010000'], '8000180122000008')])  # The TPDO is enabled, so its COB-ID is locked.
@@ -146,13 +149,13 @@ def test_reset_forgets_the_configuration_and_boots(wire):
     wire.send(*START)
     wire.send(0x000, '8120')
     assert wire.take(1) == [(0x720, '00')]
-    assert wire.sdo('4000180100000000') == '43001801A0010080'  # The TPDO is disabled again.
+    assert wire.sdo('4000180100000000') == '43001801A0010080'  # The request disables the TPDO again.
 
 
 def test_heartbeat_is_sent_when_configured(wire):
     wire.take(1)
     assert wire.silent()
-    assert wire.sdo('2B1710000A000000').startswith('60')  # A heartbeat every 10 ms.
+    assert wire.sdo('2B1710000A000000').startswith('60')  # Request for a heartbeat every 10 ms.
     assert wire.take(1) == [(0x720, '7F')]
     wire.send(*START)
     assert wait_until(lambda: wire.take(1) == [(0x720, '05')])
@@ -177,9 +180,9 @@ def test_touches_press_and_let_go():
     full, (touch,) = program(1.0), program.touches
     assert (touch.load(0.2), touch.load(1.0)) == (0, 1) and touch.is_steady(1.0) and not touch.is_steady(0.55)
     assert (program(3.0) == full).all()  # The touches repeat.
-    assert abs(full.sum() / full.max() - 50) < 1.5  # 60 000 Pa act on the area of 50 taxels.
+    assert abs(full.sum() / full.max() - 50) < 1.5  # A pressure of 60 000 Pa acts on the area of 50 taxels.
     assert full.max() == pytest.approx(60_000, rel=1e-3)
-    assert program(0.55).max() == pytest.approx(30_000, rel=1e-3)  # This is in the middle of the ramp of 0.1 s.
+    assert program(0.55).max() == pytest.approx(30_000, rel=1e-3)  # This time lies in the middle of the ramp of 0.1 s.
     on_off = touch_program(load_layout('nus_sinapse_64x64.yaml'), ('square',), areas=(400,), seed=3)(1.0)
     assert set(np.unique(on_off)) == {0, 1} and abs(on_off.sum() - 400) < 25
 
@@ -200,13 +203,14 @@ def test_taxels_have_noise_that_the_seed_repeats():
         assert first[pad].std() == pytest.approx(0.005 * FULL_SCALE, rel=0.02)
         assert (first[pad] == again[pad]).all() and not (first[pad] == other[pad]).any()
     assert abs(np.corrcoef(first['left'].ravel(), first['right'].ravel())[0, 1]) < 0.02
-    assert all((values < 0).mean() < 0.005 for values in first.values())  # This skin has no values below 0.
+    assert all((values < 0).mean() < 0.005 for values in first.values())  # Values of this skin are never below 0.
     on_off = gripper_sources([make_pad('pad', 32, 'nus_sinapse_64x64.yaml')])['pad']
     assert on_off(1.0).dtype == bool
 
 
-TARE_TIME = 1.0  # Duration of a tare [s]: 50 frames at 50 Hz.
-#: Layouts of the pads in pascal or newton, with the numbers of their nodes.
+#: Duration of a tare of 50 frames at 50 Hz [s].
+TARE_TIME = 1.0
+#: Layouts of all pads with values in pascal or newton, and their node-IDs.
 LAYOUTS = [(path.name, [32, 35] if path.stem.startswith('nodes2') else [32]) for path in sorted(CONFIG.glob('*.yaml'))
            if path.with_suffix('.eds').exists() and load_layout(path.name).value.unit != '1']
 
@@ -227,7 +231,7 @@ def test_a_tare_that_is_tried_again_passes_between_two_touches_and_never_during_
             measure(frames[first:first + count], tare_limit(0.0, unit), ContactGuard.of_unit(unit))
         except TareRefusedError:
             return False
-        # At its edges, a touch reads less than the limit.
+        # Near its beginning and end, a touch presses with less than the limit.
         assert is_pressed[first:first + count].sum() * period <= 2 * RAMP
         return True
     for begin in range(count):  # The attempts follow one another without a gap.
@@ -245,7 +249,8 @@ def test_contacts_are_held_and_slide_there_and_back():
     for pad in ('left', 'right'):
         assert len({still[pad](t).tobytes() for t in held}) == 1
         way = np.array([centre(sliding[pad](t)) - centre(still[pad](t)) for t in held])
-        speed = np.abs(way[10:, 0] - way[:-10, 0]) / 0.2  # Coverage is counted on 8x8 points of a taxel.
+        # The coverage of a taxel is sampled at 8x8 points, so the centre moves in small steps.
+        speed = np.abs(way[10:, 0] - way[:-10, 0]) / 0.2
         assert np.median(speed) == pytest.approx(0.003, rel=0.05) and speed.max() < 0.0035
         assert np.ptp(way[:, 0]) == pytest.approx(2 * 0.004, rel=0.05) and np.abs(way[:, 1]).max() < 1e-4
 
@@ -275,9 +280,9 @@ def test_slcan_lines_that_are_none(line):
 
 
 def read_until(descriptor, pattern):
-    """Return the bytes of a terminal once they match ``pattern`` completely, or after 60 s without data.
+    """Return the bytes from a terminal once they match ``pattern`` completely, or once 60 s have passed without data.
 
-    The terminal may deliver them in pieces.
+    The terminal may deliver the bytes in pieces.
     """
     read = b''
     while not re.fullmatch(pattern, read, re.DOTALL) and select.select([descriptor], [], [], 60)[0]:
@@ -297,7 +302,7 @@ def test_slcan_adapter_answers_as_the_protocol_says():
             return read_until(port, rb'.*[\r\a]'), message
 
         assert ask(b'V\r')[0] == b'V1013\r' and ask(b'S8\r')[0] == b'\r' and ask(b'?\r')[0] == b'\a'
-        # The first command is too long, and the second one comes before the channel is open.
+        # The first command is too long, and the second command comes before the channel is open.
         assert ask(b't08000\r')[0] == ask(b't0800\r')[0] == b'\a'
         assert ask(b'O\r')[0] == b'\r'
         answer, message = ask(b't12320A0B\r')
@@ -311,7 +316,7 @@ def test_client_that_does_not_read_costs_frames_not_memory():
     with SlcanPty() as adapter:
         port = os.open(adapter.port, os.O_RDWR | os.O_NOCTTY)
         os.write(port, b'O\rt0010\r')
-        assert adapter.recv(60)  # The answer shows that the channel is open.
+        assert adapter.recv(60)  # A received message shows that the channel is open.
         message = can.Message(arbitration_id=0x1A0, is_extended_id=False, data=bytes(8))
         for _ in range(20_000):
             adapter.send(message)
@@ -319,7 +324,7 @@ def test_client_that_does_not_read_costs_frames_not_memory():
         before = adapter.lost
         adapter.send_all([Frame(0x1A0, bytes(8))] * 500)
         assert adapter.lost - before == 500
-        os.write(port, b'C\rO\rt0010\r')  # The next client finds an empty line.
+        os.write(port, b'C\rO\rt0010\r')  # The next client finds no bytes left from the earlier client.
         assert adapter.recv(60)
         adapter.send(can.Message(arbitration_id=0x123, is_extended_id=False))
         assert read_until(port, rb'.*t1230\r') == b'\r\rz\rt1230\r'
@@ -329,7 +334,7 @@ def test_client_that_does_not_read_costs_frames_not_memory():
 def test_slcan_client_reads_through_noise_on_the_line():
     with serial_line() as (adapter, port):
         client = open_bus('slcan', port, 500_000, sleep_after_open=0.0)
-        # python-can writes these bytes. From version 4.5 on, an empty line follows the bit rate.
+        # python-can writes these bytes. From version 4.5 on, it writes an empty line after the bit rate.
         opening = rb'C\rS6\r\r?O\rO\r'
         assert re.fullmatch(opening, read_until(adapter, opening))
         os.write(adapter, b'\r\at1A02AABB\rz\rt1A0\rtXYZ0\r\xff\xfe\rV1013\rt1A01')
@@ -337,7 +342,7 @@ def test_slcan_client_reads_through_noise_on_the_line():
         received = [client.recv(60) for _ in range(5)]
         came = [(m.is_error_frame, bytes(m.data)) for m in received]
         damaged = (True, bytes(8))
-        # The damaged lines are t1A0, tXYZ0 and \xff\xfe.
+        # The three damaged lines are t1A0, tXYZ0 and \xff\xfe.
         assert came == [(False, b'\xAA\xBB'), damaged, damaged, damaged, (False, b'\xCC')]
         assert client.recv(0.1) is None
         client.shutdown()

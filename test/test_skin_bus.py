@@ -1,4 +1,4 @@
-"""The driver's bus with the simulated skin: boot-up, configuration, streaming, and refusals."""
+"""The driver's bus is tested with the simulated skin: boot-up, configuration, streaming, and refused settings."""
 
 import re
 import time
@@ -20,20 +20,25 @@ from tactile_node.taxel_frame import TaxelStatus
 pytestmark = pytest.mark.bus
 
 
-@pytest.mark.parametrize(('layout', 'sent'), [  # Frames of the log, in this order, by CiA 301.
+# CAN frames that the log must contain in this order, according to CiA 301.
+@pytest.mark.parametrize(('layout', 'sent'), [
     ('sim16x16.yaml', [
         '000#8020',  # NMT: pre-operational.
-        '620#4018100100000000',  # SDO: upload 0x1018 sub 1.
-        '620#23001801A0010080',  # Download 0x1800 sub 1: 0x800001A0, disabled.
-        '620#23001801A0010000',  # Download 0x1800 sub 1: 0x000001A0.
-        '000#0120', '080#',  # NMT start, then SYNC.
-        '000#8020']),  # The driver stops at the end.
-    # Row 0 with five taxels of 1023 counts, and the first byte of row 11.
+        '620#4018100100000000',  # SDO upload of 0x1018 sub 1.
+        '620#23001801A0010080',  # SDO download of 0x800001A0 to 0x1800 sub 1, which disables the TPDO.
+        '620#23001801A0010000',  # SDO download of 0x000001A0 to 0x1800 sub 1.
+        '000#0120', '080#',  # NMT start, followed by a SYNC.
+        # The driver stops at the end.
+        '000#8020']),
+    # The TPDOs are row 0 with five taxels of 1023 counts, and the first byte of row 11.
     ('rows12x5_10bit.yaml', ['1A0#00FFFFFFFFFFFF03', '1A0#0B']),
-    ('mpdo8x8_16bit.yaml', ['620#2F001802FE000000', '1A0#20072104']),  # Type 254; then 0x2107 sub 4 of node 0x20.
-    ('event12x8_8bit.yaml', ['620#23001801A0010080', '620#2F001802FE000000', '620#2B00180514000000',  # Type 254, 20 ms.
+    # Transmission type 254, followed by 0x2107 sub 4 of node 0x20.
+    ('mpdo8x8_16bit.yaml', ['620#2F001802FE000000', '1A0#20072104']),
+    # Transmission type 254, event timer 20 ms.
+    ('event12x8_8bit.yaml', ['620#23001801A0010080', '620#2F001802FE000000', '620#2B00180514000000',
                              '620#23001801A0010000']),
-    ('event8x8_16bit.yaml', ['620#23001801A0010080', '620#2F001802FF000000', '620#2B00180364000000',  # Type 255, 10 ms.
+    # Transmission type 255, event timer 10 ms.
+    ('event8x8_16bit.yaml', ['620#23001801A0010080', '620#2F001802FF000000', '620#2B00180364000000',
                              '620#2B00180532000000', '620#23001801A0010000'])])  # 50 ms.
 def test_every_kind_of_skin_end_to_end_and_its_log_again(tmp_path, layout, sent):
     skin, record = load_layout(layout), tmp_path / 'session.log'
@@ -49,7 +54,7 @@ def test_every_kind_of_skin_end_to_end_and_its_log_again(tmp_path, layout, sent)
         assert (frame.tpdo_ages is not None) == (layout == 'event8x8_16bit.yaml')
     assert first.sequence == 0 and (np.diff([frame.stamp for frame in live]) > 0).all()
     lines = [line.split() for line in record.read_text().splitlines()]
-    assert {line[1] for line in lines} == {bench.channel}  # The log contains our own frames, too.
+    assert {line[1] for line in lines} == {bench.channel}  # The log also contains the frames that our driver sent.
     assert any(line[2].startswith('080#') for line in lines) == skin.needs_sync
     rest = iter(lines)
     assert all(any(line[2].startswith(frame) for line in rest) for frame in sent)
@@ -70,7 +75,7 @@ def test_stop_and_start_again():
         bench.driver.stop()
         device = bench.simulator.devices[32]
         assert wait_until(lambda: not device.operational)
-        # The last sweep may still be under way, so the number of sent frames may still rise.
+        # The last sweep may still be in transit, so the number of sent frames may still rise.
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == device.frames_sent)
         bench.driver.start()
         assert bench.take_until(lambda frame: frame.sequence == 0)
@@ -78,7 +83,7 @@ def test_stop_and_start_again():
         bench.driver.close()
         bench.driver.close()
         bench.forget()
-        bench.run()  # The driver starts again from the beginning.
+        bench.run()  # The restarted driver counts its frames from 0.
         assert bench.take(1)[0][1].sequence == 0
 
 
@@ -94,7 +99,7 @@ def test_all_calls_are_allowed_in_any_state():
 
 
 def test_absent_tpdo_is_missing_not_zero():
-    """Another master disables TPDO 3 (row 1, columns 0 to 7) after the configuration."""
+    """After the configuration, another master disables TPDO 3, which carries row 1, columns 0 to 7."""
     with Bench('absent', source=lambda t: np.full((16, 16), 3921.56862745), produce_sync=False) as bench, \
             other_bus('absent') as other:
         bench.run()
@@ -102,7 +107,7 @@ def test_absent_tpdo_is_missing_not_zero():
             pass
         other.send(can.Message(arbitration_id=0x620, is_extended_id=False,
                                data=bytes.fromhex('23021801A2010080')))
-        # The device has confirmed the write to 0x1802 sub 1.
+        # The device's response confirms the write to 0x1802 sub 1.
         assert wait_until(lambda: other.recv(60).data.hex() == '6002180100000000')
         other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
         assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == 31)
@@ -214,9 +219,9 @@ def test_a_sync_producer_that_dies_is_an_internal_error_with_its_traceback(monke
 @pytest.mark.parametrize('interface', ['virtual', 'slcan'])
 @pytest.mark.parametrize('step', [-0.5, 0.5])
 def test_stamps_of_what_is_received_keep_up_with_a_wall_clock_that_is_set(monkeypatch, interface, step):
-    """Stamps of slcan come from this machine, too.
+    """For slcan, the stamps also come from this machine's clock.
 
-    After the clock was set back by 0.5 s, TPDOs once counted as 0.5 s old for more than an hour.
+    In an earlier version, TPDOs counted as 0.5 s old for more than an hour after the clock was set back by 0.5 s.
     """
     driver = SkinBus(BusSettings(interface, 'can0'), (make_pad('pad', 32, 'sim16x16.yaml'),), print)
     clock, wall = driver.traffic.clock, time.time

@@ -1,4 +1,4 @@
-"""Slow devices, and an SDO server that also serves another master."""
+"""Devices that respond slowly, and an SDO server that also serves another master."""
 
 import threading
 import time
@@ -20,7 +20,7 @@ SDO_ANSWER = 0x5A0
 
 
 def delay_answers(device, seconds):
-    """Delay each SDO answer of ``device`` by ``seconds``."""
+    """Delay each SDO response of ``device`` by ``seconds``."""
     send = device._network.send_message
 
     def late(can_id, data, *rest, **more):
@@ -29,15 +29,15 @@ def delay_answers(device, seconds):
         threading.Timer(seconds, answer, (can_id, bytes(data))).start()
 
     def answer(can_id, data):
-        with suppress(BusError):  # The bus may already be closed.
+        with suppress(BusError):  # The bus may already be closed at this time.
             send(can_id, data)
     device._network.send_message = late
 
 
 @pytest.mark.parametrize('delay', [0.05, 0.12, 0.2])
 def test_a_device_that_answers_after_the_timeout_is_configured(delay):
-    """A late answer was once taken for that of the next request, and the device was refused."""
-    retries = 12  # The retries take 1 s in all, because a busy machine adds to the delay.
+    """An earlier version took a late response for the response to the next request, and refused the device."""
+    retries = 12  # The 12 retries take 1 s in all, because a busy machine adds to the delay.
     with Bench(f'late {delay}', layout='rows12x5_10bit.yaml', sdo_timeout=0.08, sdo_retries=retries) as bench:
         bench.driver.open()
         delay_answers(bench.simulator.devices[32], delay)
@@ -45,7 +45,10 @@ def test_a_device_that_answers_after_the_timeout_is_configured(delay):
 
 
 def test_a_server_that_is_silent_during_the_configuration_is_waited_for():
-    """Such a server once ended the process. The driver waits for a device that is absent at start."""
+    """In an earlier version, an SDO server that stayed silent during the configuration ended the process.
+
+    The driver must wait for a device that is absent at start.
+    """
     with Bench('silent server', sdo_timeout=0.05, sdo_retries=1) as bench:
         bench.driver.open()
         device = bench.simulator.devices[32]
@@ -63,9 +66,9 @@ def test_a_server_that_is_silent_during_the_configuration_is_waited_for():
 
 
 def test_a_driver_closes_while_it_configures_a_slow_device():
-    """Each answer takes a third of a second, and a hundred answers are needed.
+    """Each response takes a third of a second, and the configuration needs a hundred responses.
 
-    The driver waits for one answer, not for all.
+    When closing, the driver waits for one pending response, not for all hundred.
     """
     with Bench('slow close', sdo_timeout=1.0) as bench:
         bench.supervise()
@@ -96,7 +99,7 @@ def test_a_start_that_is_obeyed_late_is_waited_for():
 
 
 class Wire:
-    """Receives the requests of a client; ``answers`` follow each request."""
+    """Records the requests of a client, and sends ``answers`` after each request."""
 
     def __init__(self, *answers):
         self.requests, self.client, self._answers = [], None, answers
@@ -124,7 +127,10 @@ def test_the_answer_about_our_object_is_taken(others):
 
 
 def test_a_device_that_was_held_up_answers_requests_of_clients_before():
-    """The device gives three answers to three requests. The driver once took them for the answers of two devices."""
+    """The device sends three responses to three requests.
+
+    In an earlier version, the driver took three responses for the responses of two devices.
+    """
     answer, owed = '43181001C1050000', Counter()
     for _ in range(2):
         with pytest.raises(SdoCommunicationError):
@@ -144,14 +150,14 @@ def test_an_abort_without_an_object_is_ours():
 
 
 def test_answers_about_other_objects_are_no_answer():
-    """Each answer about another object once ended the wait.
+    """In an earlier version, a response about another object ended the wait.
 
-    The request was then repeated at once, 2,700 times a second.
+    In an earlier version, the client then repeated its request at once, 2,700 times a second.
     """
     wire = Wire(*['4308100041424344'] * 20)
     client = client_on(wire, 0.2)
     begin = time.monotonic()
     with pytest.raises(SdoCommunicationError):
         client.upload(0x1018, 1)
-    assert time.monotonic() - begin >= 0.2 and len(wire.requests) == 2  # The request and its abort.
+    assert time.monotonic() - begin >= 0.2 and len(wire.requests) == 2  # The two frames are the request and its abort.
     assert client.RESPONSE_TIMEOUT == 0.2

@@ -1,4 +1,4 @@
-"""Guards of a stream decide whose messages are accepted, and which stamps."""
+"""The guards of a stream decide which publisher's messages are accepted, and which stamps are accepted."""
 
 import random
 from itertools import chain
@@ -11,12 +11,12 @@ PERIOD, EPOCH = 0.02, 1.7e9
 
 
 def sent(count, *, first=0, begin=0.0, period=PERIOD, clock=0.0, name='ours'):
-    """Return the messages of one source: arrival, sequence, stamp, and name of the source."""
+    """Return the messages of one source as tuples (arrival, sequence, stamp, name of the source)."""
     return [(begin + n * period, first + n, EPOCH + clock + begin + n * period, name) for n in range(count)]
 
 
 def accepted(*sources):
-    """Return the accepted messages, in the order of their arrival."""
+    """Return the accepted messages in the order of their arrival."""
     guard = SourceGuard()
     messages = sorted(chain(*sources))
     return [message for message in messages if guard.accepts(*message[:3])]
@@ -25,9 +25,9 @@ def accepted(*sources):
 @pytest.mark.parametrize('first', [0, 3, 90, 2_000, 4_000_000])
 @pytest.mark.parametrize('clock', [-3600.0, -0.2, 0.0, 0.2])
 def test_of_two_drivers_none_is_used(first, clock):
-    """The sequence numbers and the clock of the other driver do not matter.
+    """The result does not depend on the sequence numbers or the clock of the other driver.
 
-    None of its messages is used, and soon none of ours.
+    The guard uses none of the other driver's messages, and soon none of ours.
     """
     both = accepted(sent(500, first=1000), sent(400, first=first, begin=1.005, clock=clock, name='theirs'))
     assert not [message for message in both if message[3] == 'theirs']
@@ -81,13 +81,13 @@ def test_frames_left_out_on_purpose_are_no_other_source():
 
 
 def test_two_nodes_that_work_on_the_same_frames_are_one_source():
-    """Both nodes publish the shape of each frame, one a little later."""
+    """Both nodes publish the shape of each frame, one node a little later than the other."""
     twins = accepted(sent(100), [(arrival + 0.005, *rest) for arrival, *rest in sent(100, name='twin')])
     assert len(twins) == 200
 
 
 def refused(stamps, arrivals=None):
-    """Return the indices of the refused stamps; messages arrive a PERIOD apart."""
+    """Return the indices of the refused stamps, where messages arrive one PERIOD apart by default."""
     guard = StampGuard()
     arrivals = arrivals or [50 + PERIOD * n for n in range(len(stamps))]
     return [n for n, (arrival, stamp) in enumerate(zip(arrivals, stamps)) if not guard.accepts(arrival, EPOCH + stamp)]
@@ -111,7 +111,7 @@ def test_a_clock_set_forward_is_followed_once_confirmed(step):
 
 
 def test_messages_held_back_and_those_after_them_are_accepted():
-    """The delay of the messages is not judged here."""
+    """This guard does not judge the delay of messages."""
     arrivals = even(50, 50) + [56.0 + 1e-4 * n for n in range(250)] + even(50, 56.02)
     assert refused(even(350), arrivals) == []
 
@@ -122,9 +122,9 @@ def test_a_replay_at_another_pace_is_accepted(pace):
 
 
 def test_numbers_that_run_abreast_are_found_out():
-    """The numbers of two hosts that were switched on together may run in parallel.
+    """Two hosts that were switched on together may send equal sequence numbers at equal times.
 
-    At most two messages of the other host are taken for ours.
+    The guard may accept at most two messages of the other host.
     """
     both = accepted(sent(500), sent(400, first=52, begin=1.005, name='theirs'))
     assert sum(message[3] == 'theirs' for message in both) <= 2

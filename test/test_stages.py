@@ -1,6 +1,6 @@
-"""Processor and classifier on real topics.
+"""The processor and the classifier with real topics.
 
-The tests show what a consumer reads from pads that are hidden, saturated or touched twice.
+The tests show what a subscriber receives from pads that are hidden, saturated or touched twice.
 """
 
 import time
@@ -28,14 +28,14 @@ from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShap
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002
-PERIOD = 0.02  # Period of frames whose time matters [s].
+PERIOD = 0.02  # Period of the frames in tests that depend on time [s].
 TOPICS = {'contact': (Contact, lambda message: check_contact(message) is None),
           'shape': (ContactShape, lambda message: check_contact_shape(message) is None),
           'shapes': (ContactShapes, shapes_fit), 'features': (ContactFeatures, features_fit)}
 
 
 class Pad(RosBench):
-    """Both nodes of a pad, and a peer that publishes its taxels and reads its topics."""
+    """Both nodes of a pad, and a peer node that publishes the taxels and subscribes to the results."""
 
     def __init__(self, stack, **classifier):
         super().__init__(stack)
@@ -62,10 +62,10 @@ class Pad(RosBench):
                 if each.topic_name == f'/{topic}']
 
     def send(self, frame, saturated=False, unmapped=False, layer=None, ends=NO_SIDE, stamp=None) -> SimpleNamespace:
-        """Publish a frame [Pa] and return the resulting messages by topic.
+        """Publish the frame ``frame`` [Pa] and return the resulting messages by topic.
 
-        Each message is checked; None stands for a missing message. ``stamp`` is in seconds; None stands for the present
-        time.
+        Each message is checked, and None marks a missing message. The unit of ``stamp`` is seconds, and None means the
+        present time.
         """
         self.until(lambda: self._taxels.get_subscription_count())
         values = np.asarray(frame, np.float32)
@@ -213,7 +213,10 @@ def test_all_contacts_are_counted_and_the_four_largest_have_shapes(pad):
 
 
 def test_a_contact_torn_by_rows_is_one_in_count_force_and_fit(pad):
-    """Hidden rows are an unseen part of the contact. For silent rows at 0 Pa, the recogniser decides."""
+    """Rows that are NaN are a hidden part of the contact.
+
+    For silent rows at 0 Pa, the recogniser decides whether both parts belong to one contact.
+    """
     pad.subscribe('shapes')
     for silent in (np.nan, 0.0):
         frame = block(slice(3, 12), slice(3, 12))
@@ -249,7 +252,7 @@ def test_every_stage_adds_to_the_age(pad):
     for topic in ('features', 'shapes'):
         pad.subscribe(topic)
     ages, end = {'shapes': inf}, time.monotonic() + TIMEOUT
-    while not ages['shapes'] < 0.5:  # The age is not known at first.
+    while not ages['shapes'] < 0.5:  # The age is unknown in the first messages.
         assert time.monotonic() < end, ages
         found = pad.send(block())
         ages = {topic: age_seconds(getattr(found, topic).age) for topic in TOPICS}
@@ -282,7 +285,10 @@ LIVE = {'use_sim_time': False, 'features': ['all'], 'smallest_contact': 3, 'rele
 
 
 def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
-    """Residual taxels must not become a contact on a pad that is reported as seen. A noisy taxel must stay noisy."""
+    """Left-over taxels must not become a contact on a pad that is reported as seen.
+
+    The node must remember the noise of a noisy taxel.
+    """
     rng, noise = np.random.default_rng(3), np.full((16, 16), 100.0)
     noise[2, 2] = 350.0
     left_over = np.zeros((16, 16))
@@ -304,7 +310,10 @@ def test_setting_a_parameter_keeps_what_the_pad_has_learned(pad):
 
 
 def test_a_changed_threshold_finds_the_contact_in_progress_again(pad):
-    """The outline of the contact changes with the threshold. Its outer part is no residue of a larger contact."""
+    """If the threshold changes, the outline of the contact changes with it.
+
+    The outer part of the hill must not be treated as left over from a larger contact.
+    """
     hill = np.zeros((16, 16))
     hill[2:14, 2:14] = 20e3
     hill[5:10, 5:10] = 50e3

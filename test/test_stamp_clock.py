@@ -1,4 +1,4 @@
-"""Stamps stay right while the clocks are set. The test moves the clocks."""
+"""Time stamps stay correct while the clocks are set. The test itself moves the clocks."""
 
 import pytest
 
@@ -6,9 +6,9 @@ from tactile_node.bus.stamp_clock import StampClock
 
 
 class Hands:
-    """A wall clock and a steady clock.
+    """A simulated wall clock and a simulated steady clock.
 
-    The clock of the adapter counts from the time when the adapter was plugged in.
+    The adapter's clock counts from the time when the adapter was plugged in.
     """
 
     def __init__(self):
@@ -51,14 +51,14 @@ def test_set_back_stamps_go_on_evenly(hands):
     hands.wait(1)
     assert clock.now() == 1001
     hands.wall -= 3600
-    hands.wait(1)  # The wall clock now reads -2598.
+    hands.wait(1)  # The wall clock now reads -2598 s.
     assert clock.now() == pytest.approx(1002) and clock.jumps == 1 and clock.ahead == pytest.approx(3600)
     hands.wait(0.5)
-    # The stamp lies 0.1 s in the past by the new wall clock.
+    # By the new wall clock, the stamp lies 0.1 s in the past.
     assert clock.of(hands.wall - 0.1) == pytest.approx(1002.4)
     hands.wait(5)
     assert clock.of(hands.wall - 0.1) == pytest.approx(1007.4)
-    hands.wall += 3600  # The wall clock is corrected.
+    hands.wall += 3600  # The wall clock is set to the correct time.
     assert clock.now() == pytest.approx(1007.5) and (clock.jumps, clock.ahead) == (2, 0)
 
 
@@ -90,7 +90,10 @@ def test_restart_takes_the_new_time(hands):
 
 
 def test_adapter_of_another_epoch_is_mapped_by_its_quickest_message(hands):
-    """The adapter's clock read 0 when the wall clock read 1000. Messages take 5, 2 and 9 ms through the adapter."""
+    """The adapter's clock read 0 when the wall clock read 1000.
+
+    The three messages take 5, 2 and 9 ms through the adapter.
+    """
     clock, stamps = hands.clock(host_stamped=False), []
     for second, delay in ((1, 0.005), (2, 0.002), (3, 0.009)):
         hands.wall, hands.steady = 1000 + second + delay, 5 + second + delay
@@ -110,7 +113,7 @@ def test_adapter_that_counts_again_is_mapped_again(hands):
 @pytest.mark.parametrize('step', [0.0, 0.05, 3600.0, -3600.0, 1.0])
 @pytest.mark.parametrize('before', [0.0, -60.0, 60.0])
 def test_ages_are_of_the_steady_clock_however_the_wall_clock_is_set(hands, before, step):
-    """Otherwise a consumer would take old taxels for current ones, or current ones for old."""
+    """If ages followed the wall clock, a consumer would take old taxels for current ones, or current ones for old."""
     clock = hands.clock()
     clock.now()
     hands.wall += before

@@ -1,4 +1,4 @@
-"""A node that receives stamps of another clock reports how far they are from the clock of its host."""
+"""A node that receives stamps of another clock reports their offset from the clock of its own host."""
 
 import math
 import time
@@ -21,8 +21,8 @@ from tactile_skin.msg import TaxelArray
 pytestmark = pytest.mark.ros
 
 FRAME_PERIOD = 0.05  # Time between two frames [s].
-AGE = 1.5  # Age of each frame when it is sent [s]. The age is no part of the difference of the clocks.
-LIMIT = 0.05  # Default value of max_clock_offset [s].
+AGE = 1.5  # Age of each frame when it is sent [s], which must not count as an offset of the clocks.
+LIMIT = 0.05  # Default value of the parameter max_clock_offset [s].
 WARN, STALE, OK = DiagnosticStatus.WARN, DiagnosticStatus.STALE, DiagnosticStatus.OK
 
 
@@ -31,7 +31,7 @@ def values_of(status):
 
 
 def send(publisher, lead, stop):
-    """Publish frames of a driver whose clock is ``lead`` [s] ahead, until ``stop`` is set."""
+    """Publish frames of a driver whose clock is ``lead`` [s] ahead until ``stop`` is set."""
     for sequence in range(10**6):
         values = np.zeros((4, 4), np.float32)
         frame = TaxelFrame(time.time() + lead - AGE, sequence, values, np.full((4, 4), TaxelStatus.VALID, np.uint8), 0)
@@ -44,9 +44,9 @@ def send(publisher, lead, stop):
 
 @pytest.fixture
 def reported(ros):
-    """Return a function that returns the first status with a known age.
+    """Return a function that returns the first processor status with a known age.
 
-    A processor reports it while a driver sends whose clock is ``lead`` [s] ahead.
+    The processor receives frames of a driver whose clock is ``lead`` [s] ahead.
     """
     def report(lead, **parameters):
         bench, found, stop = RosBench(ros), [], Event()
@@ -65,13 +65,13 @@ def reported(ros):
 
 
 @pytest.mark.parametrize(('lead', 'is_apart'), [
-    # An offset of -0.3 s may also come from a slow link.
+    # A slow link could also cause an offset of -0.3 s.
     (3600.0, True), (0.3, True), (0.0, False), (-0.3, False), (-3600.0, True)])
 def test_stamps_of_another_clock_are_reported(reported, lead, is_apart):
     status = reported(lead)
     values = values_of(status)
     assert ('CLOCKS_APART' in values['faults']) is is_apart, status
-    assert lead - 0.3 < float(values['stamps_offset_s']) < lead + 0.01  # A busy machine delays the messages on the way.
+    assert lead - 0.3 < float(values['stamps_offset_s']) < lead + 0.01  # A busy machine delays the messages in transit.
 
 
 def test_simulated_time_is_compared_with_no_clock(reported):
@@ -85,9 +85,9 @@ def test_a_limit_of_the_user_silences_the_warning(reported):
 
 
 def status_of(left, right=0.0, received=54):
-    """Return the status of a grasp node one second after it had 4 messages per topic.
+    """Return the status of a grasp node one second after each topic had 4 messages.
 
-    ``left`` and ``right`` tell how far the stamps are ahead of the node's clock [s].
+    ``left`` and ``right`` are the times by which the stamps are ahead of the node's clock [s].
     """
     before = {f'/{pad}/shape': MessageCounts(4, 4, {}) for pad in ('left', 'right')}
     now = {topic: StreamHealth(MessageCounts(received, received, {}), 0.02, ('/driver',), stamps_offset=offset)

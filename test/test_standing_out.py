@@ -1,4 +1,4 @@
-"""Taxels that stand out of the noise, and the outline of a contact."""
+"""Taxels that rise above the noise, and the outline of a contact."""
 
 import warnings
 from math import erf
@@ -14,14 +14,14 @@ SIDE = 16
 NOWHERE = np.zeros((SIDE, SIDE), bool)
 EVERYWHERE = ~NOWHERE
 FLOOR = Threshold(0.0, np.ones((SIDE, SIDE)), 0.0)
-#: Profile of an edge that is blurred by a normal distribution.
+#: Profile of an edge that is blurred by a Gaussian.
 PHI = np.vectorize(lambda x: (1 + erf(x / 2 ** 0.5)) / 2)
 
 
 def flat(row, col, rows, cols, blur=0.6):
-    """Return an indenter of level 1 with blurred edges, in closed form.
+    """Return the values under an indenter of level 1 with blurred edges, in closed form.
 
-    Exactly at its edges, it has half of the level.
+    Exactly at the edges of the indenter, the value is half of the level.
     """
     def along(place, first, length):
         return PHI((place - first) / blur) - PHI((place - first - length) / blur)
@@ -33,9 +33,9 @@ def found(values, threshold=FLOOR, before=NOWHERE):
 
 
 def far_from_the_edge(row, col, rows, cols, by):
-    """Return two masks: the taxels farther than ``by`` from the outline and its corners, and the taxels inside.
+    """Return two masks: taxels farther than ``by`` from the outline and its corners, and taxels inside the outline.
 
-    At a corner, less than half of the level is expected.
+    At a corner, the expected value is less than half of the level.
     """
     down, along = np.minimum(ROWS - row, row + rows - ROWS), np.minimum(COLS - col, col + cols - COLS)
     is_corner = (abs(down) < 1) & (abs(along) < 1)
@@ -45,7 +45,7 @@ def far_from_the_edge(row, col, rows, cols, by):
 @pytest.mark.parametrize('tilt', [0.0, 0.3, 0.6])
 @pytest.mark.parametrize('height', [20.0, 100.0, 1e5])
 def test_the_outline_is_at_half_of_the_local_level_under_tilt(height, tilt):
-    """The level rises from one side to the other by ``tilt`` times its mean, about the middle."""
+    """From one side of the contact to the other, the level rises by ``tilt`` times its mean."""
     rng = np.random.default_rng(1)
     for _ in range(40):
         row, col = rng.uniform(2, 5, 2)
@@ -58,7 +58,7 @@ def test_the_outline_is_at_half_of_the_local_level_under_tilt(height, tilt):
 
 def test_of_a_contact_with_a_hard_edge_all_taxels_are_pressed_and_no_others():
     rng = np.random.default_rng(2)
-    for rows, cols in ((2, 2), (4, 7), (12, 12), (1, 9), (16, 9)):  # The largest of them covers 56 % of the pad.
+    for rows, cols in ((2, 2), (4, 7), (12, 12), (1, 9), (16, 9)):  # The largest contact covers 56 % of the pad.
         mask = box(2 if rows < 16 else 0, 2, rows, cols)
         pattern = PatternExtractor().extract(20.0 * mask + rng.standard_normal(mask.shape))
         np.testing.assert_array_equal(pattern.labels == 1, mask)
@@ -156,7 +156,7 @@ def test_beside_a_stronger_contact_a_weak_one_never_hides_it(gap):
 
 @pytest.mark.parametrize('weak', [0.25, 1 / 3, 0.45])
 def test_taxels_of_low_gain_leave_a_contact_whole(weak):
-    """A fifth of the taxels, but none at the corners, reads only the share ``weak`` of the others."""
+    """A fifth of the taxels, but none at the corners, reads only ``weak`` times the value of the others."""
     rng, mask = np.random.default_rng(11), box(4, 3, 7, 9)
     corners = np.isin(ROWS, (4, 10)) & np.isin(COLS, (3, 11))
     for _ in range(40):
@@ -168,7 +168,7 @@ def test_taxels_of_low_gain_leave_a_contact_whole(weak):
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
 @pytest.mark.parametrize('rows', [1, 2])
 def test_a_weak_line_tears_no_bar(rows, turn):
-    """A bar crosses a pad of six columns. One or two of its lines read a third of the others."""
+    """A bar crosses a pad of six columns. One or two rows of the bar read a third of the other rows."""
     bar = np.zeros((14, 6))
     bar[3:9] = 100.0
     bar[5:5 + rows] /= 3
@@ -189,7 +189,7 @@ def test_contacts_with_taxels_below_a_fifth_of_both_between_them_stay_two(gap, o
 
 @pytest.mark.parametrize('specks, is_whole', [(0, True), (2, True), (6, False)])
 def test_on_a_pad_full_of_specks_nothing_is_joined(specks, is_whole):
-    """Specks are noise, and joined noise looks like a contact."""
+    """Scattered specks are noise, but joined specks would look like a contact."""
     mask, values = box(2, 2, 5, 5), 100.0 * box(2, 2, 5, 5)
     values[4, 4] = 30.0
     values[13, 1:2 * specks:2] = 100.0
@@ -203,7 +203,7 @@ def test_a_hollow_contact_stays_hollow(inner):
 
 
 def test_noise_alone_seldom_makes_a_group():
-    """In 400 separate arrays of 16x16 taxels, fewer than 1 % have a group of 4 or more taxels."""
+    """Of 400 separate arrays of 16x16 taxels with noise alone, fewer than 1 % may have a group of 4 or more taxels."""
     rng = np.random.default_rng(9)
     patterns = [PatternExtractor().extract(rng.standard_normal((SIDE, SIDE)) + 7) for _ in range(400)]
     assert sum(pattern.mask.sum() >= 4 for pattern in patterns) < 4
@@ -228,7 +228,7 @@ def test_a_wide_halo_is_no_contact_whatever_rested_before(before):
     extractor = PatternExtractor()
     if before is not None:
         idle = np.full(frame.shape, before)
-        idle[0, 0] += 1e-4  # With equal values, the frame may count as on/off.
+        idle[0, 0] += 1e-4  # If all values were equal, the frame could count as on/off.
         idle[3, 3] += 2e-4
         extractor.extract(idle)
     np.testing.assert_array_equal(extractor.extract(frame).mask, away == 0)

@@ -1,4 +1,7 @@
-"""The status message agrees with /diagnostics, field by field. A late subscriber receives it, too."""
+"""Every field of the status message agrees with /diagnostics.
+
+A subscriber that starts late still receives the status message.
+"""
 
 import math
 import re

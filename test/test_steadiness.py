@@ -1,7 +1,7 @@
-"""A creeping contact never rests and a resting one does, with noise, steps and the errors of real fits.
+"""A resting contact must be told from a creeping one, despite noise, steps and the errors of real fits.
 
-`make misled` runs all cases. `make test` takes one rate, one direction, and two shapes at rest. It takes each value of
-pitch, noise, step and speed with each value of every other one, but not all combinations.
+`make misled` runs all combinations. `make test` uses one rate, one direction, and two shapes at rest. In `make test`,
+each pair of values of pitch, noise, step and speed occurs, but not every combination of all four.
 """
 
 import os
@@ -37,9 +37,10 @@ STEPS = (0.0, 0.1)        # pitches
 
 
 def cases(*speeds):
-    """Parametrize a test with pitch, noise, step and speed.
+    """Return a mark that runs a test with values of pitch, noise, step and speed.
 
-    TACTILE_LONG uses all combinations. Otherwise half of them are used, in which each pair of values occurs.
+    With TACTILE_LONG, all combinations are used. Without TACTILE_LONG, half of the combinations are used, which contain
+    each pair of values.
     """
     every = product(*map(enumerate, (PITCHES, NOISES, STEPS, speeds)))
     return pytest.mark.parametrize(('pitch', 'noise', 'step', 'speed'), [
@@ -47,9 +48,9 @@ def cases(*speeds):
 
 
 def path(speed, rate, duration, rng, noise=0.0, step=0.0, begin=0.0):
-    """Return the times and centres [m] of a contact that creeps from ``begin`` on.
+    """Return the times and the centres [m] of a contact that starts to creep at ``begin``.
 
-    The measured centre moves in steps of ``step``.
+    The measured centre changes in steps of ``step``.
     """
     times = np.arange(round(duration * rate)) / rate
     way = rng.uniform(0, 0.005) + speed * np.maximum(0, times - begin)
@@ -76,7 +77,10 @@ def test_a_steady_creep_never_rests(rate, pitch, noise, step, speed):
 @pytest.mark.parametrize('rate', RATES)
 @cases(0.0, REST)
 def test_what_rests_is_seen_to_and_stays_so_for_a_minute(rate, pitch, noise, step, speed):
-    """Rest is seen within 1 s plus 0.7 s per mm of pitch. This time is needed to distinguish rest from creep."""
+    """A resting contact must be found to rest within 1 s plus 0.7 s per mm of pitch.
+
+    The tracker needs this time to distinguish rest from creep.
+    """
     rng = np.random.default_rng(2)
     times, centres = path(speed, rate, 65.0, rng, noise * pitch, step * pitch)
     found = rests(times, centres, FRACTION * pitch)
@@ -102,7 +106,7 @@ def test_wrong_settings_are_refused():
             SteadinessSettings(**wrong)
 
 
-# These are centres of real fits, whose errors are neither white nor known. Lengths are in pitches.
+# The centres in these tests are from real fits, whose errors are neither white nor known. Lengths are in pitches.
 
 PAD, AREA = 28, 40.0
 SKIN = Skin(blur=0.5, noise=0.02)

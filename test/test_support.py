@@ -1,4 +1,7 @@
-"""A name is no surer than the taxels allow. An unknown contact states what speaks against the five shapes."""
+"""The confidence of a class is never higher than the taxels allow.
+
+For an unknown contact, the result states why it is none of the five shapes.
+"""
 
 import numpy as np
 import pytest
@@ -10,19 +13,22 @@ from tactile_node.shape.reasons import why_unfamiliar
 from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
 from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, low_outline
 
-DOUBTED = 0.85 * 0.95  # Confidence of a doubted name whose confidence was 0.95.
+DOUBTED = 0.85 * 0.95  # Confidence of a doubted class whose confidence was 0.95 before the doubt.
 SURE_CIRCLE = Recognition.of({Shape.CIRCLE: 0.95, Shape.SQUARE: 0.04, Shape.UNKNOWN: 0.01})
 Y, X = np.mgrid[:30, :40]
 
 
 @pytest.mark.parametrize(('taxels', 'overlaps', 'expected', 'doubt'), [
     (60, (0.6, 0.7, 0.6, 0.8), (Shape.CIRCLE, 0.95), UnknownReason.NOT_UNKNOWN),
-    (60, (0.5, 0.5, 0.5, 0.6), (Shape.CIRCLE, DOUBTED), UnknownReason.UNFAMILIAR),  # The circle covers too little.
-    (60, (0.6, 0.8, 0.6, 0.7), (Shape.CIRCLE, DOUBTED), UnknownReason.UNFAMILIAR),  # A square covers more.
-    (100, (0.6, 0.7, 0.6, 0.71), (Shape.CIRCLE, DOUBTED), UnknownReason.UNFAMILIAR),  # A square covers nearly as much.
+    # The circle covers too little of the contact.
+    (60, (0.5, 0.5, 0.5, 0.6), (Shape.CIRCLE, DOUBTED), UnknownReason.UNFAMILIAR),
+    # A square covers more of the contact than the circle.
+    (60, (0.6, 0.8, 0.6, 0.7), (Shape.CIRCLE, DOUBTED), UnknownReason.UNFAMILIAR),
+    # A square covers nearly as much as the circle.
+    (100, (0.6, 0.7, 0.6, 0.71), (Shape.CIRCLE, DOUBTED), UnknownReason.UNFAMILIAR),
     (100, (0.6, 0.7, 0.6, 0.75), (Shape.CIRCLE, 0.95), UnknownReason.NOT_UNKNOWN),
     (100, (0.6, 0.8, 0.6, 0.7), (Shape.SQUARE, DOUBTED), UnknownReason.UNFAMILIAR),
-    # With so few taxels, the rim is coarse.
+    # With 20 taxels, the rim of the contact is too coarse to cause a doubt.
     (20, (0.6, 0.7, 0.6, 0.5), (Shape.CIRCLE, 0.95), UnknownReason.NOT_UNKNOWN)])
 def test_a_sure_name_covers_a_large_contact_better_than_the_others(taxels, overlaps, expected, doubt):
     found = as_far_as_it_fits(SURE_CIRCLE, taxels, np.array(overlaps))
@@ -48,7 +54,7 @@ def test_a_low_outline_has_the_weak_pressures_joined_to_the_contact():
     values = np.zeros((6, 9))
     values[2:4, 2:4] = 1.0
     values[2:4, 4:6] = 0.3
-    values[0, 8] = 0.3  # This is another contact.
+    values[0, 8] = 0.3  # This taxel belongs to another contact.
     mask = values > 0.5
     np.testing.assert_array_equal(low_outline(values, mask), (values > 0.2) & (X[:6, :9] < 7))
     assert low_outline(mask.astype(float), mask) is None, 'on/off taxels have no weak values'
@@ -56,7 +62,10 @@ def test_a_low_outline_has_the_weak_pressures_joined_to_the_contact():
 
 
 def speckled_square(rng):
-    """Return a block with blunt corners that presses less towards them. The gains of the taxels are 3:1."""
+    """Return a block with blunt corners whose pressure falls towards the corners.
+
+    The gains of the taxels differ by up to 3:1.
+    """
     turn, side, corner = rng.uniform(0, np.pi), rng.uniform(11, 17), rng.uniform(1, 4)
     x, y = X - rng.uniform(17, 22), Y - rng.uniform(13, 16)
     u, v = abs(x * np.cos(turn) + y * np.sin(turn)), abs(y * np.cos(turn) - x * np.sin(turn))
@@ -67,7 +76,10 @@ def speckled_square(rng):
 
 
 def fragment(rng):
-    """Return a wide foreign object that presses unevenly. An outline at half of its level shows only a fragment."""
+    """Return the values under a wide foreign object that presses unevenly.
+
+    An outline at half of the level would show only a fragment of this object.
+    """
     pressed = 0.2 * (np.hypot((X - 19) / 11, (Y - 15) / 8) <= 1)
     for level in (1.0, *rng.uniform(0.15, 0.4, 5)):
         x, y, long, wide = rng.uniform((10, 8, 2.5, 2), (28, 22, 5, 4))
@@ -77,9 +89,9 @@ def fragment(rng):
 
 @pytest.mark.parametrize(('draw', 'right'), [(speckled_square, {Shape.SQUARE}), (fragment, set())])
 def test_hardly_a_name_is_sure_and_wrong(draw, right):
-    """At most one of 40 names is sure and wrong.
+    """At most one of 40 reported classes may be confident and wrong.
 
-    The network alone gives 7 sure but wrong names for the squares and 6 for the fragments.
+    Without the check, the network reports 7 confident but wrong classes for the squares, and 6 for the fragments.
     """
     recogniser, wrong = make_recogniser(), 0
     for seed in range(40):
@@ -125,7 +137,7 @@ def test_a_first_frame_without_a_taxel_near_0_is_not_taken_for_an_empty_pad():
     extractor = PatternExtractor()
     first = recogniser.recognise(extractor.extract(unlike))
     assert (first.shape, first.reason) == (Shape.UNKNOWN, UnknownReason.COVERS_PAD)
-    # The first frame has shown the values of this array at rest.
+    # The first frame has shown the rest values of this array.
     at_rest = extractor.extract(rng.normal(15.0, 1.5, (6, 6)))
     assert recogniser.recognise(at_rest).shape is Shape.NONE
     assert recogniser.recognise(PatternExtractor().extract(rng.normal(0.0, 1.5, (6, 6)))).shape is Shape.NONE

@@ -1,4 +1,7 @@
-"""The stamp of the driver's own SYNC if the process or the write to the bus is delayed; the test moves the clocks."""
+"""The stamp of the driver's own SYNC must stay right if the process or the write is delayed.
+
+The test moves the clocks.
+"""
 
 import threading
 
@@ -18,26 +21,26 @@ from tactile_node.skin.pads import PadSettings
 
 pytestmark = pytest.mark.bus
 PERIOD = 0.02  # Period of SYNC [s].
-STALL = 0.3    # Time for which the process or the write is held up [s].
+STALL = 0.3    # Duration of the delay of the process or the write [s].
 ALLOWED = 0.02  # Largest error of a stamp [s].
 
 
 class HeldUpBus:
-    """A bus with one device that samples at each SYNC; its taxels are the number of the SYNC.
+    """A bus with one device that samples at each SYNC and whose taxels read the number of the SYNC.
 
-    ``send`` calls ``before`` before the frame is on the wire, and ``after`` after the answers have arrived.
+    ``send`` calls ``before`` before the SYNC is on the wire, and calls ``after`` once the device's TPDOs have arrived.
     """
 
     channel_info = 'held up'
 
     def __init__(self, hands):
         self._hands = hands
-        self.sampled = []  # Times at which each SYNC was on the wire.
+        self.sampled = []  # Times at which the SYNCs were on the wire.
         self.before = self.after = lambda: None
         self.received = None
 
     def recv(self, timeout):
-        threading.Event().wait(0.01)  # The messages of the bus go directly to ``received``.
+        threading.Event().wait(0.01)  # Received messages do not pass through recv, but go directly to ``received``.
 
     def send(self, message):
         self.before()
@@ -52,7 +55,7 @@ class HeldUpBus:
 
 
 class HeldUp:
-    """The part of the driver that sends SYNC, on a HeldUpBus; ``frames`` are the resulting frames."""
+    """The part of the driver that sends SYNC, connected to a HeldUpBus. ``frames`` collects the resulting frames."""
 
     def __init__(self, folder, one_clock=True):
         self.frames, self.hands = [], Hands()
@@ -84,26 +87,26 @@ class HeldUp:
         assert wait_until(lambda: len(self.frames) >= frames), self.frames
 
     def check(self):
-        """Check the stamps and the counts.
+        """Check the stamps and the loss counts of all frames.
 
-        No valid taxel may have a stamp that is off by more than ALLOWED. All frames must be accounted for.
+        No valid taxel may have a stamp that is off by more than ALLOWED. Every frame must be accounted for.
         """
         for frame in self.frames:
             valid = np.isfinite(frame.values)
-            for number in np.unique(frame.values[valid] / 2.0):  # The scale is 2 Pa per count.
+            for number in np.unique(frame.values[valid] / 2.0):  # The scale of the taxels is 2 Pa per count.
                 assert abs(frame.stamp - self.bus.sampled[int(number) - 1]) < ALLOWED
         assert is_balanced(self._router._assemblers['pad'])
 
     def whole(self):
-        """Return the numbers of the SYNCs whose taxels were given."""
+        """Return the numbers of the SYNCs whose taxels were published."""
         return [int(frame.values[0, 0] / 2.0) for frame in self.frames if np.isfinite(frame.values).all()]
 
 
 @pytest.fixture
 def patient(monkeypatch):
-    """Make the assembler wait for every write.
+    """Make the assembler wait until every write has returned.
 
-    The clocks of the test then determine the duration of a write, however busy the machine is.
+    The duration of a write then depends only on the clocks of the test, not on the load of the machine.
     """
     monkeypatch.setattr(traffic, 'LONGEST_WRITE', 60)
 
@@ -120,7 +123,8 @@ def test_a_write_held_up_leaves_no_taxels_with_a_wrong_stamp(tmp_path, patient, 
         held.sync(3)
         held.wait_for(7)
     held.check()
-    assert held.whole() == [1, 2, 3, 5, 6, 7]  # The sampling time of the fourth sweep is not known.
+    # The fourth sweep is not published whole, because its sampling time is unknown.
+    assert held.whole() == [1, 2, 3, 5, 6, 7]
 
 
 def test_a_write_that_takes_a_millisecond_costs_nothing(tmp_path, patient):
@@ -134,7 +138,7 @@ def test_a_write_that_takes_a_millisecond_costs_nothing(tmp_path, patient):
 
 def test_a_sync_that_waited_for_another_sender_has_the_time_of_its_own_write(tmp_path, patient):
     class Busy:
-        """A lock that another thread holds for STALL."""
+        """A lock that another thread has held for STALL."""
 
         def __enter__(self):
             held.hands.wait(STALL)
@@ -150,7 +154,7 @@ def test_a_sync_that_waited_for_another_sender_has_the_time_of_its_own_write(tmp
 
 
 def test_a_write_that_does_not_return_holds_up_nothing_else(tmp_path):
-    """The answers arrive. Neither they nor the SYNC delays the work of the assembler."""
+    """The answers arrive. Neither the device's TPDOs nor the SYNC may delay the assembler."""
     released, answered = threading.Event(), threading.Event()
     with HeldUp(tmp_path) as held:
         held.bus.after = lambda: answered.set() or released.wait(60)

@@ -1,4 +1,4 @@
-"""The shapes of the synthetic world have the properties that their names promise."""
+"""The simulated shapes have the properties that their names promise."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_area_centre_and_pattern(shape):
             np.testing.assert_allclose(outline.mean(0), (contact.x, contact.y))
         taxels.append(contact.pattern().sum())
         assert np.hypot(contact.x - 17.5, contact.y - 17.5) <= np.sqrt(0.5)
-    # For centres in general position, the mean number of taxels is the area.
+    # For centres at random positions, the mean number of taxels equals the area.
     assert np.mean(taxels) == pytest.approx(50, abs=4 * np.std(taxels) / np.sqrt(200) + 1e-9)
 
 

@@ -1,4 +1,4 @@
-"""The bridge to tactile_msgs/TactileState: a value that a taxel lacks is NaN there, never 0."""
+"""The bridge to tactile_msgs/TactileState: a taxel without a value becomes NaN, never 0."""
 
 import subprocess
 import sys
@@ -54,7 +54,7 @@ def test_the_node_sends_each_pad_and_drops_what_is_malformed(ros, tactile_state_
     bench, heard, create_publisher = RosBench(ros), [], Node.create_publisher
 
     def create(node, kind, topic, *given, **options):
-        """Replace the publisher of generated messages, which DDS cannot send here."""
+        """Replace publishers of the generated message type, which DDS cannot send in this environment."""
         if kind is not tactile_state_message:
             return create_publisher(node, kind, topic, *given, **options)
         assert topic == 'tactile_states'
@@ -66,7 +66,7 @@ def test_the_node_sends_each_pad_and_drops_what_is_malformed(ros, tactile_state_
 
     def have_come():
         for publisher in publishers:
-            publisher.publish(TaxelArray())  # This message has no taxels.
+            publisher.publish(TaxelArray())  # This message contains no taxels.
             publisher.publish(taxels())
         return len({state.sensors[0].name for state in heard}) == 2
     bench.until(have_come)

@@ -25,7 +25,7 @@ def frame(values, missing=0):
 def test_offsets_and_noise_are_found():
     """The mean of K samples has the standard error noise / sqrt(K).
 
-    The noise is found to a few per cent over 48 taxels.
+    Over 48 taxels, the noise is estimated within a few per cent.
     """
     offset = np.linspace(-3, 3, 48).reshape(6, 8)
     found = measure(frames(offset, 0.5), LIMIT, GUARD)
@@ -71,7 +71,7 @@ def test_a_taxel_without_a_valid_value_keeps_its_zero():
 
 def tared(pad: TaredPad, given: list[TaxelFrame], count: int, timeout: float = 60.0, zero_device=None,
           boots=lambda: 0):
-    """Tare on a thread while ``given`` frames arrive again and again; return the outcome."""
+    """Run a tare on a thread while the frames in ``given`` arrive repeatedly, and return the outcome."""
     outcome = []
 
     def run():
@@ -98,7 +98,7 @@ def test_whole_frames_alone_count_and_the_tare_is_taken_off_afterwards():
     after = pad.feed(frame([[1, 3], [2, 7]]))
     assert after.values.tolist() == [[0, 1], [-1, 7]] and not after.values.flags.writeable
     again = tared(pad, [frame([[2, 2], [2, 2]])], 3)
-    # The offset is that of the skin, not that of the values after the first tare.
+    # The new offset is relative to the values of the skin, not to the values after the first tare.
     assert again.offset.tolist() == [[2, 2], [2, 2]]
 
 
@@ -122,7 +122,8 @@ def test_while_the_device_zeroes_itself_no_value_is_valid():
 
     channels, found = tared(pad, given, 3, zero_device=zero_device)
     assert np.isnan(seen).all() and channels == 2 and found.offset.tolist() == [[0.25, 0]]
-    assert pad.feed(frame([[1.25, 5.0]])).values.tolist() == [[1, 5]]  # No part of the previous tare remains.
+    # The result contains no part of the previous tare.
+    assert pad.feed(frame([[1.25, 5.0]])).values.tolist() == [[1, 5]]
 
 
 def test_a_device_is_not_requested_to_take_a_load_for_its_zero():
@@ -158,9 +159,9 @@ def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next
 
 @pytest.mark.parametrize('later', [[], [1.0]], ids=['', 'after a plain tare'])
 def test_a_device_that_has_lost_its_zero_gives_no_valid_value_until_the_next_tare(later):
-    """After a plain tare, too, no value is valid.
+    """A plain tare after the device's zero does not make the values valid.
 
-    The plain tare measured the values left by the device's zero, so it is wrong without that zero.
+    The plain tare was measured relative to the device's zero, so it is wrong once that zero is lost.
     """
     pad, boots = TaredPad(GUARD), []
     tared(pad, [frame([[0.5]])], 3, zero_device=lambda: 1, boots=lambda: len(boots))
@@ -199,9 +200,9 @@ SMALL[7:9, 3:5] = True
 
 
 def tared_with_any_limit(readings, unit='Pa', zero=0.0, gains=1.0, noise=0.01):
-    """Tare 20 frames of ``readings`` with noise.
+    """Tare with 20 frames of ``readings`` plus noise.
 
-    The noise is a share of the press threshold of the unit.
+    The standard deviation of the noise is a fraction of the unit's press threshold.
     """
     guard = ContactGuard.of_unit(unit, gains)
     return measure(frames(np.asarray(readings, float), noise * guard.press, 20), ANY_LIMIT, guard, zero)
@@ -219,7 +220,7 @@ def tared_with_any_limit(readings, unit='Pa', zero=0.0, gains=1.0, noise=0.01):
     ('lighter than a contact, but it stands out', {'readings': 15e3 * OBJECT}),
     ('a weak taxel that its gain makes a contact', {'readings': 5e3 * OBJECT, 'gains': np.full((SIDE, SIDE), 10.0)})])
 def test_a_contact_is_never_tared_away_whatever_the_limit(what, given):
-    """The planner would see an empty gripper."""
+    """If a contact were tared away, the planner would see an empty gripper."""
     with pytest.raises(TareRefusedError) as refused:
         tared_with_any_limit(**given)
     assert refused.value.refusal is TareRefusal.CONTACT, what
@@ -240,9 +241,9 @@ def test_a_contact_that_is_seen_in_a_part_of_the_frames_is_one(how):
 @pytest.mark.slow
 @pytest.mark.parametrize('spread', [0.0, 1e3, 3e3])
 def test_offsets_are_no_contact(spread):
-    """The offsets are drawn independently of the code for a hundred pads each.
+    """For each kind of offset, the test draws a hundred pads without using the code under test.
 
-    The pads have scattered taxels, a common offset, or a tilt.
+    The pads have scattered offsets, a common offset, or a tilt.
     """
     tilt = np.linspace(-2e3, 4e3, SIDE)[:, np.newaxis]
     for seed in range(100):
@@ -262,7 +263,7 @@ def test_two_taxels_with_large_offsets_are_tared_with_a_higher_limit():
 
 
 def test_after_the_devices_zero_a_tare_that_fails_leaves_no_valid_value():
-    """An object was inserted meanwhile, and the device may have included a part of its load in the zero."""
+    """An object was inserted during the zeroing, and the device may have included a part of its load in the zero."""
     pad, given = TaredPad(GUARD), [frame([[0.5, 0.5]])]
 
     def zero_device():

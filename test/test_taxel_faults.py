@@ -1,6 +1,6 @@
-"""Faulty taxels are found by their values, but never where a healthy taxel sends the same.
+"""A taxel is reported as faulty only if no healthy taxel could send the same values.
 
-The tests also cover the file of known faults, and gains.
+The tests also cover gains, and the file that lists known faults.
 """
 
 import os
@@ -28,9 +28,9 @@ def disc(row, col, radius, hole=-1.0):
 
 
 class Pad:
-    """A pad that is pressed by masks in turn.
+    """A pad that a sequence of masks presses in turn.
 
-    ``spoil(values, frame number)`` returns the values that the faulty pad sends.
+    ``spoil(values, frame_number)`` returns the values that the faulty pad sends.
     """
 
     def __init__(self, spoil=lambda values, n: values, noise=0.3, seed=1):
@@ -199,7 +199,7 @@ def test_what_is_found_is_masked_only_on_request():
 
 
 def test_objects_that_are_held_squeezed_or_hollow_make_no_taxel_faulty():
-    """The cases are a saturated core, a second object tapped beside a held one, and a tube that is gripped harder."""
+    """The cases are a saturated core, an object tapped beside a held object, and a tube gripped harder."""
     core, small = disc(6, 6, 1), disc(2, 2, 1)
     pad = Pad(lambda values, n: np.where(core & (n >= 10), FULL, values), noise=0.0)
     pad.frames(core, 10)
@@ -291,6 +291,6 @@ def test_a_pad_that_repeats_itself_to_the_bit_is_frozen_on_request():
     pad.frozen_after = 0.5
     given = [pad.feed(each) for each in live + frozen + [frame(-last)._replace(stamp=2.5)]]
     valid = [bool(np.isfinite(each.values).all()) for each in given]
-    # The limit of 0.5 s is 25 frames after the first of the equal frames.
+    # The limit of 0.5 s is reached 25 frames after the first of the equal frames.
     assert valid == [True] * (50 + 25) + [False] * 35 + [True]
     assert (given[-2].status == TaxelStatus.STALE).all() and not given[-2].values.flags.writeable

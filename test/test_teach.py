@@ -1,4 +1,4 @@
-"""Shapes taught by users, and ways in which a taught file could mislead. Only this test draws the cross."""
+"""Shapes that users teach, and ways in which a taught file could mislead. No other test draws the cross."""
 
 import csv
 import json
@@ -49,7 +49,7 @@ def arrays(file):
 
 @pytest.mark.parametrize('options', [[], ['--fuse', '--period', '0.02']], ids=['single', 'fused'])
 def test_a_table_has_the_taught_shapes_too(file, tmp_path, capsys, options):
-    """The table has the same values as JSON."""
+    """The CSV table has the same values as the JSON output."""
     np.save(tmp_path / 'x.npy', held(rng_of(20), cross, 1))
     words = ['classify', str(tmp_path / 'x.npy'), '--model', str(file), *options]
     assert main([*words, '--format', 'csv']) == 0
@@ -91,7 +91,7 @@ def test_too_few_touches_are_refused(base, background):
 
 def test_a_touch_ends_with_a_lift_and_not_with_frames_that_are_not_seen():
     frames = held(rng_of(22), cross, 3)
-    frames[len(LOADS) + 3] = np.nan  # This is the middle of the second touch.
+    frames[len(LOADS) + 3] = np.nan  # This frame lies in the middle of the second touch.
     found = TouchFinder('Pa').find(frames)
     assert [len(touch.frames) for touch in found.touches] == [4, 3, 4]
     assert not TouchFinder('Pa').find(held(rng_of(23), lambda rng: np.roll(cross(rng), 6, 0), 2)).touches
@@ -107,20 +107,20 @@ def test_frames_that_show_no_shape_are_counted_by_reason():
 def test_live_a_touch_counts_when_it_was_steady_and_lifted():
     frames, rng = SimpleQueue(), rng_of(26)
     for _ in range(25):
-        frames.put(1e3 + 100 * rng.standard_normal((PAD, PAD)))  # These frames show the skin's zero.
-    for frame_count in (3, 20, 20):  # The first touch is too short.
+        frames.put(1e3 + 100 * rng.standard_normal((PAD, PAD)))  # These frames show the values of the skin at rest.
+    for frame_count in (3, 20, 20):  # The first of these touches is too short.
         covered = cross(rng)
         for _ in range(frame_count):
             frames.put(1e3 + 50e3 * covered + 100 * rng.standard_normal((PAD, PAD)))
         for _ in range(3):
             frames.put(1e3 + 100 * rng.standard_normal((PAD, PAD)))
     found = _guide('cross', 2, load_layout('sim16x16.yaml'), frames, [])
-    assert len(found.touches) == 2 and frames.qsize() == 2  # It stops at the lift after the third touch.
+    assert len(found.touches) == 2 and frames.qsize() == 2  # The guide stops at the lift after the third touch.
     assert all(abs(np.median(frame.values)) < 200 for touch in found.touches for frame in touch.frames)
 
 
 def test_the_interval_is_wilsons():
-    """The values are from R. G. Newcombe, Statistics in Medicine 17 (1998), 857: 81/263, 15/148, 0/20 and 1/29."""
+    """The expected values are from Newcombe, Statistics in Medicine 17 (1998), 857: 81/263, 15/148, 0/20 and 1/29."""
     expected = {(81, 263): (0.2553, 0.3662), (15, 148): (0.0624, 0.1605), (0, 20): (0.0, 0.1611),
                 (1, 29): (0.0061, 0.1718)}
     for (right, total), interval in expected.items():
@@ -195,7 +195,7 @@ def test_the_command_refuses_what_is_not_good_enough_unless_it_is_accepted(recor
     assert main([*given, '--accept-poor', '--picture', str(picture)]) == 0
     assert picture.read_bytes().startswith(b'\x89PNG')
     assert [each.value for each in ShapeRecogniser.from_file(output).classes][len(Shape):] == ['coin']
-    assert main([*given, '--model', str(output)]) == 2  # The name coin is taught already.
+    assert main([*given, '--model', str(output)]) == 2  # The shape coin has already been taught.
     assert '--name' in capsys.readouterr().err
 
 
@@ -206,7 +206,10 @@ def test_the_command_refuses_to_overwrite_an_input_before_any_touch_is_recorded(
 
 
 def test_live_the_recording_that_is_reported_is_the_one_that_was_written(tmp_path, monkeypatch):
-    """A log of an earlier session keeps its name. A new session must not use that log, even after Ctrl-C."""
+    """The log of an earlier session keeps its file name.
+
+    A new session must not use the earlier log, even after Ctrl-C.
+    """
     earlier, said = tmp_path / 'coin_touches.log', []
     earlier.write_text('of another object')
 

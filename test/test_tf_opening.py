@@ -1,4 +1,4 @@
-"""The opening of the gripper from tf, in a running node with real messages, and cases in which it must be unknown."""
+"""A running node takes the gripper's opening from tf, which in some of the cases must be unknown."""
 
 import time
 from math import cos, inf, isnan, nan, pi, sin
@@ -21,7 +21,8 @@ from tactile_node.ros.time_messages import time_message
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 
-LIMIT = 0.3  # Value of max_gap_age [s].
+#: Value of the parameter max_gap_age [s].
+LIMIT = 0.3
 #: The fingers slide along the y axis of the hand. Their frames are 12 mm apart when the hand is closed.
 PARAMETERS = {'gap_source': 'tf', 'frame_id': 'hand', 'gap_frames': ['left_finger', '/right_finger'],
               'gap_offset': -0.012}
@@ -43,7 +44,7 @@ def fingers(left, right, stamp=0.0):
 
 
 class Robot(RosBench):
-    """A node with an opening source, and publishers of tf beside it."""
+    """A node with a source of the opening, and a second node that publishes tf."""
 
     def __init__(self, stack, kind, **more):
         super().__init__(stack)
@@ -61,7 +62,7 @@ class Robot(RosBench):
         return self.source.current()
 
     def send(self, *transforms, static=False):
-        """Publish one message; return the opening once the message has been received."""
+        """Publish one message and return the opening after the node has received the message."""
         subscription = self.source.subscriptions[static]
         before = subscription.counts.received
         self.publishers[static].publish(self.kind(transforms=transforms))
@@ -78,7 +79,7 @@ def test_the_distance_of_the_fingers_along_the_closing_direction(robot):
     assert robot.current() is UNKNOWN_OPENING
     opening = robot.send(*fingers(0.020, 0.030))
     assert opening.gap == pytest.approx(0.050 - 0.012) and opening.source is GapSource.TF and opening.age < LIMIT
-    # Movement across the closing direction does not count.
+    # A movement across the closing direction does not change the opening.
     opening = robot.send(transform('left_finger', 'hand', x=0.004, y=-0.010, z=0.03))
     assert opening.gap == pytest.approx(0.040 - 0.012)
 
@@ -86,7 +87,7 @@ def test_the_distance_of_the_fingers_along_the_closing_direction(robot):
 def test_a_hand_that_is_mounted_askew_and_fingers_that_are_turned(robot):
     eighth = (0.0, 0.0, sin(pi / 8), cos(pi / 8))
     robot.send(transform('hand', 'flange', 0.1, 0.2, 0.3, eighth), static=True)
-    # The knuckle is turned by half a turn.
+    # The knuckle is rotated by half a turn.
     robot.send(transform('left_knuckle', 'hand', y=-0.01, rotation=(0.0, 0.0, 1.0, 0.0)))
     robot.send(transform('left_finger', 'left_knuckle', y=0.005))
     assert robot.send(transform('right_finger', 'hand', y=0.025)).gap == pytest.approx(0.015 + 0.025 - 0.012)
@@ -97,7 +98,8 @@ def test_transforms_that_stop_leave_no_opening_though_others_continue(robot):
     end = time.monotonic() + 2 * LIMIT
     while time.monotonic() < end:
         robot.send(transform('hand', 'flange'))
-        opening = robot.send(transform('right_finger', 'hand', y=0.02))  # One finger alone is only half of an opening.
+        # The position of one finger alone gives only half of an opening.
+        opening = robot.send(transform('right_finger', 'hand', y=0.02))
     assert isnan(opening.gap) and opening.age > LIMIT
     assert robot.send(transform('left_finger', 'hand', y=-0.01)).gap == pytest.approx(0.030 - 0.012)
 
@@ -115,7 +117,7 @@ def test_a_finger_on_the_wrong_side_is_no_opening(robot):
 def test_transforms_that_were_held_back_are_no_opening(robot):
     shift = 1.7e9 - time.monotonic()
     opening, end = UNKNOWN_OPENING, time.monotonic() + TIMEOUT
-    while isnan(opening.gap):  # The loop ends when the smallest delay on the way is settled.
+    while isnan(opening.gap):  # The loop ends when the node has found the smallest transport delay.
         assert time.monotonic() < end, 'not known'
         opening = robot.send(*fingers(0.02, 0.02, stamp=time.monotonic() + shift))
         robot.wait(0.01)
@@ -129,7 +131,10 @@ def test_transforms_that_were_held_back_are_no_opening(robot):
 
 @pytest.mark.parametrize('gap', [0.0, 0.0305, 0.08])
 def test_the_frames_of_the_pads_in_a_urdf_give_the_opening(ros, tf_message, gap):
-    """The example gripper is closed skin to skin. Its frames are those that robot_state_publisher publishes."""
+    """The example gripper is closed, so that its two skins touch.
+
+    The frames of the example gripper are those that robot_state_publisher publishes.
+    """
     pytest.importorskip('xacro', reason='xacro is not installed')
     from scipy.spatial.transform import Rotation
     from urdf_frames import expand, joints

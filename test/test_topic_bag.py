@@ -1,4 +1,4 @@
-"""Our topics in ROS 2 bags, written here by rosbags and by hand, and read without ROS."""
+"""Our topics in ROS 2 bags, which rosbags or this test writes, are read without ROS."""
 
 import sqlite3
 import struct
@@ -32,7 +32,7 @@ NAN = float('nan')
 
 @cache
 def store(**other):
-    """Return types with our messages; ``other`` replaces the text of some definitions."""
+    """Return the types including our messages, where ``other`` replaces the text of some definitions."""
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     for name in ('TaxelArray', 'ContactMotion', 'ContactShape'):
         text = other.get(name) or package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
@@ -61,9 +61,9 @@ def _with_header(text):
 
 def bag(folder, messages, plugin='MCAP', types=None, topics=(('/left/taxels', TAXELS),), compressed=False,
         times=lambda k: EPOCH + 100 + k):
-    """Write a bag of (topic, message) pairs.
+    """Write the pairs (topic, message) to a bag.
 
-    ``times`` returns when the k-th message was recorded [s].
+    ``times(k)`` returns the time at which message k was recorded [s].
     """
     types = types or store()
     writer = rosbags.Writer(folder, version=9, storage_plugin=rosbags.StoragePlugin[plugin])
@@ -78,10 +78,10 @@ def bag(folder, messages, plugin='MCAP', types=None, topics=(('/left/taxels', TA
 
 
 def mcap_file(path, messages, topic='/left/taxels', each=None, **options):
-    """Write a file in the form of rosbag2's MCAP plugin, and return where its last message ends.
+    """Write a file in the format of rosbag2's MCAP plugin, and return the position at which its last message ends.
 
-    Messages are one second apart, in chunks of ``each``, or without chunks. A killed recording has the bytes up to the
-    returned position.
+    Messages are one second apart, in chunks of ``each`` messages or without chunks. A killed recording contains the
+    bytes up to the returned position.
     """
     text = _with_header(package_file('msg/TaxelArray.msg').read_text(encoding='utf-8'))
     with path.open('wb') as file:
@@ -99,7 +99,10 @@ def mcap_file(path, messages, topic='/left/taxels', each=None, **options):
 
 
 def test_messages_of_a_bag_are_placed_by_the_clock_of_the_frames(tmp_path):
-    """The frames have the stamps of a replayed log, 100 s before their recording. Notes come first and last."""
+    """The frames have stamps from a replayed log, which lie 100 s before the recording.
+
+    The first and the last message of the bag are notes.
+    """
     shape = b'\0\1\0\0'
     topics = [('/left/taxels', TAXELS), ('/left/note', 'std_msgs/msg/Empty')]
     messages = [('/left/note', shape + b'\0'), *arrays(2), ('/left/note', shape + b'\0')]
@@ -147,9 +150,9 @@ def test_ages_of_a_snapshot_come_along(tmp_path):
 
 @pytest.mark.parametrize('plugin', ['MCAP', 'SQLITE3'])
 def test_the_definition_in_the_bag_is_preferred(tmp_path, plugin):
-    """Our definition would read garbage from an older TaxelArray.
+    """With our definition, an older TaxelArray would be decoded to wrong values.
 
-    The older one lacks the layer and the ages, and has a field that no longer exists.
+    The older message lacks the layer and the ages, and has a field that was removed later.
     """
     text = '''std_msgs/Header header
 uint64 sequence
@@ -169,7 +172,7 @@ uint32 missing_can_frames'''
 
 
 def test_a_bag_without_definitions_is_read_by_ours(tmp_path):
-    """ROS 2 Humble writes bags like this."""
+    """ROS 2 Humble writes bags without message definitions."""
     folder = bag(tmp_path / 'bag', arrays(2), 'SQLITE3')
     file = next(folder.glob('*.db3'))
     with sqlite3.connect(file) as base:
@@ -199,7 +202,7 @@ def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed)
 
 
 def test_a_message_that_is_none_is_counted_not_given(tmp_path):
-    """One of these messages claims to have more bytes than it holds."""
+    """One of these messages claims to have more bytes than it contains."""
     whole = bytes(store().serialize_cdr(taxel_array(store(), 0), TAXELS))
     huge = whole.replace(struct.pack('<I', 6) + struct.pack('<f', 1), struct.pack('<If', 2**32 - 1, 1))
     assert huge != whole

@@ -1,6 +1,6 @@
-"""The client of a gripper node reports how a goal with a given id ended.
+"""The client of a gripper node reports how the goal with a given id ended.
 
-The result or the outcome may come first.
+The client accepts the result and the outcome in either order.
 """
 
 import pytest
@@ -42,7 +42,7 @@ class Server:
 
 @pytest.fixture
 def world(ros):
-    """Return a bench, a server, a client, and the client's clock [s], which stands still."""
+    """Return a bench, a server, a client, and the client's stopped clock [s]."""
     bench, clock = RosBench(ros), [100.0]
     server = Server(bench.add('touch_gripper'))
     ros.callback(server.action.destroy)
@@ -97,7 +97,10 @@ def test_a_rejected_goal_ends(world):
 
 @pytest.mark.parametrize('is_spun', [True, False])
 def test_a_program_without_an_executor_waits_as_well(ros, is_spun):
-    """A gripper node without pads refuses to close. Its client spins itself, or another thread spins it."""
+    """A gripper node without pads refuses to close.
+
+    Either the client or another thread spins the client's node.
+    """
     import rclpy
 
     from tactile_node.nodes.gripper_node import GripperNode

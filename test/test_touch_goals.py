@@ -1,4 +1,4 @@
-"""The C++ header that finds the outcome of a goal by its id, compiled without ROS."""
+"""The C++ header that finds the outcome of a goal by its id is compiled here without ROS."""
 
 import shutil
 import subprocess
@@ -8,7 +8,7 @@ import pytest
 
 INCLUDE = Path(__file__).resolve().parents[1] / 'include'
 COMPILER = shutil.which('g++')
-#: Each line prints the answer of C++. The cases are those of the client in Python.
+#: Each line prints the result of the C++ header. The cases are those of the Python client's test.
 PROGRAM = '''#include <cstdio>
 #include <string>
 #include <tactile_skin/touch_goals.hpp>

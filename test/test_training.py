@@ -1,4 +1,7 @@
-"""Training data that is drawn in bulk equals the library's results for the same frames. Overlaps give the labels."""
+"""Training data that is computed in bulk equals the library's results for the same frames.
+
+The labels of the training data are derived from the overlaps with the shapes.
+"""
 
 import numpy as np
 import pytest
@@ -43,13 +46,15 @@ def test_samples_in_bulk_are_those_of_the_library(kind, area, graded):
 
 
 def test_labels_follow_from_overlaps():
-    overlaps = np.array([[0.84, 0.80, 0.80, 0.5, 0.5],  # Foreign to all shapes.
-                         [0.90, 0.80, 0.80, 0.5, 0.5],  # Between foreign and known.
+    # The figure is foreign, because its overlap with every shape is too small.
+    overlaps = np.array([[0.84, 0.80, 0.80, 0.5, 0.5],
+                         # The overlap lies between those of foreign and of known figures.
+                         [0.90, 0.80, 0.80, 0.5, 0.5],
                          [0.94, 0.80, 0.80, 0.5, 0.5],
-                         [0.80, 0.95, 0.953, 0.5, 0.5],  # Every square is a rectangle.
+                         [0.80, 0.95, 0.953, 0.5, 0.5],  # Every square is also a rectangle.
                          [0.60, 0.70, 0.95, 0.5, 0.5],
-                         [0.60, 0.85, 0.95, 0.5, 0.5],  # A little longer than wide.
-                         [0.60, 0.50, 0.50, 0.95, 0.94]])  # Both right and isosceles.
+                         [0.60, 0.85, 0.95, 0.5, 0.5],  # The figure is a little longer than wide.
+                         [0.60, 0.50, 0.50, 0.95, 0.94]])  # The triangle is both right and isosceles.
     assert labels_of(overlaps).tolist() == [UNKNOWN, -1, CIRCLE, SQUARE, RECTANGLE, -1, -1]
 
 
@@ -82,7 +87,7 @@ def test_contacts_that_are_seen_in_part_keep_the_label_of_the_whole(on_off):
 def test_samples_of_another_code_are_not_read(tmp_path):
     claim(tmp_path / 'samples')
     (tmp_path / 'samples' / 'on_off_bulk_0.npz').touch()
-    claim(tmp_path / 'samples')  # The samples were drawn by this code.
+    claim(tmp_path / 'samples')  # The samples were drawn by the present version of the code.
     (tmp_path / 'samples' / 'drawn_by').write_text('another')
     with pytest.raises(ConfigurationError):
         claim(tmp_path / 'samples')

@@ -1,6 +1,6 @@
-"""Python and C++ decide in the same way whether a grasp may be used, for each case of one table.
+"""For each case in one table, Python and C++ must agree on whether a grasp may be used.
 
-CMake finds the header.
+The tests also check that CMake finds the header.
 """
 
 import os
@@ -19,7 +19,7 @@ from tactile_skin.msg import Grasp
 ROOT = Path(__file__).resolve().parents[1]
 HEADER = ROOT / 'include' / 'tactile_skin' / 'trust.hpp'
 CASES = yaml.safe_load((ROOT / 'test' / 'trust_cases.yaml').read_text(encoding='utf-8'))
-#: A grasp that may be used.
+#: Fields of a grasp that may be used.
 GOOD = {'silence': 0.02, 'sec': 0, 'nanosec': 30_000_000, 'contact': 'TWO_SIDED', 'fresh': True, 'stable': True,
         'line_is_bound': False, 'centre': [0.01, 0.015], 'offset': 0.001, 'width': 0.03}
 COMPILER = shutil.which('g++')
@@ -54,7 +54,7 @@ def test_every_doubt_has_a_case():
 
 
 def program(definition: str) -> str:
-    """Return a program that prints the decision of C++ on each case, one per line."""
+    """Return a C++ program that prints its decision on each case, one per line."""
     def number(value) -> str:
         if isinstance(value, list):
             return ', '.join(map(number, value))
@@ -95,7 +95,7 @@ target_link_libraries(cases ${tactile_skin_TARGETS})
 @needs_compiler
 @pytest.mark.slow
 def test_another_package_finds_messages_action_and_rules_by_cmake(tmp_path):
-    """The test calls CMake as colcon does in a workspace, with the installation of this environment."""
+    """The test calls CMake as colcon does in a workspace, and uses the installation in this environment."""
     cmake = Path(sys.executable).with_name('cmake')
     if not cmake.exists():
         pytest.skip('cmake is not installed')

@@ -1,4 +1,7 @@
-"""The first pages lead a newcomer to a shape and to a grasp. Their commands are run exactly as printed."""
+"""The first pages of the documentation lead a newcomer to a shape and to a grasp.
+
+The test runs the commands of these pages exactly as printed.
+"""
 
 import os
 import shlex
@@ -19,9 +22,9 @@ TIMEOUT = 60.0  # Time limit on a busy machine [s].
 
 
 def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL) -> subprocess.Popen:
-    """Start the command of the page that has this ``beginning``, with its link in a folder of the test.
+    """Start the page's command that begins with ``beginning``, with its link in a folder of the test.
 
-    The process ends with ``stack``.
+    Closing ``stack`` ends the started process.
     """
     text, = (each.text for each in documented.commands_of((ROOT / page).read_text(encoding='utf-8'), page)
              if each.text.startswith(beginning) and not each.in_sentence)
@@ -62,13 +65,14 @@ def test_a_planner_waits_for_a_grasp(tmp_path):
     with ExitStack() as stack:
         started(stack, 'tactile bringup --simulate', tmp_path / 'skin', PLANNER)
         deadline, found = time.monotonic() + TIMEOUT, ''
-        # On a busy machine, the grasp may be lost during the request, and the planner then reports this.
+        # A busy machine may lose the grasp during the request. The planner reports the loss, and the test tries again.
         while not found:
             assert time.monotonic() < deadline
             found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True,
                                    timeout=TIMEOUT, stdout=subprocess.PIPE).stdout
     name, *rest = found.split(', ')
-    assert name in SHAPES and rest[-1] == 'width not known\n'  # The page gives no opening.
+    # The page configures no gripper opening, so the width is unknown.
+    assert name in SHAPES and rest[-1] == 'width not known\n'
 
 
 def test_a_planner_without_a_grasp_node_gets_a_remedy():

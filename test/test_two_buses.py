@@ -1,4 +1,4 @@
-"""Two pads, each on its own CAN bus, and a grasp node that sees both, as docs/hardware.md describes."""
+"""Two pads, each on its own CAN bus, and a grasp node that receives both, as docs/hardware.md describes."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def fingers(ros):
 
 def test_both_come_and_the_grasp_sees_both(fingers):
     listener = fingers.add('listener')
-    heard = {name: [] for name in FINGERS}  # Only whole frames are kept, because a busy machine loses some.
+    heard = {name: [] for name in FINGERS}  # The test keeps only whole frames, because a busy machine loses some TPDOs.
     grasps = []
     for name in FINGERS:
         listener.create_subscription(TaxelArray, f'{name}_finger/{name}/taxels',

@@ -1,4 +1,4 @@
-"""The macro with the pads' frames in a gripper: the frames are checked by hand, and the grasp node agrees with them."""
+"""The pad frames of the gripper macro are checked by hand, and the grasp node must agree with these frames."""
 
 from math import pi
 
@@ -22,14 +22,14 @@ def opened(by):
 
 @pytest.mark.parametrize('gap', [0.0, 0.04])
 def test_the_pads_are_where_the_drawing_has_them(robot, gap):
-    """The middles of the skins are 130 mm ahead.
+    """The centres of the skins lie 130 mm from the gripper's origin along z.
 
-    Taxel (0, 0) is 15 mm from the middle along rows and columns, which is half of 15 pitches of 2 mm.
+    Taxel (0, 0) is 15 mm from the centre along rows and columns, which is half of 15 pitches of 2 mm.
     """
     left, right = (place(robot, f'{side}_pad', opened(gap)) for side in ('left', 'right'))
     assert left[:3, 3] == pytest.approx([-0.015, -gap / 2, 0.145])
     assert right[:3, 3] == pytest.approx([-0.015, gap / 2, 0.115])
-    # The z axis points towards the right pad.
+    # The z axis of the left pad points towards the right pad.
     assert left[:3, :3] == pytest.approx(np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)]))
     assert right[:3, :3] == pytest.approx(np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)]))
     for side in ('left', 'right'):
@@ -38,9 +38,9 @@ def test_the_pads_are_where_the_drawing_has_them(robot, gap):
 
 
 def test_a_grasp_has_the_places_of_the_urdf(robot):
-    """The parameters left_xyz to right_rpy are read off the closed gripper.
+    """The parameters left_xyz to right_rpy describe the closed gripper.
 
-    With them, the grasp node places contacts where the moved frames do.
+    With these parameters, the grasp node must place contacts where the moved URDF frames place them.
     """
     node = Gripper(PadPose((-0.015, 0.0, 0.145), (-pi / 2, 0.0, 0.0)),
                    PadPose((-0.015, 0.0, 0.115), (pi / 2, 0.0, 0.0)))

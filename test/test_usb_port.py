@@ -1,4 +1,4 @@
-"""A serial adapter is found again by its USB identity, and no other adapter is taken for it."""
+"""The driver finds a serial adapter again by its USB identity, and mistakes no other adapter for it."""
 
 import gc
 import os
@@ -18,17 +18,17 @@ from tactile_node.simulator.slcan_pty import SlcanPty
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.sources.supervisor import Supervisor
 
-OF_PTY = 2  # File descriptors of both ends.
+OF_PTY = 2  # A pseudo-terminal has one file descriptor at each end.
 PADS = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], [32]))
 
 
 def usb(device, serial_number: str | None = 'A1', location='1-2', vid=0x16D0, pid=0x117E):
-    """Return a USB adapter in the form in which pyserial lists it."""
+    """Return a USB adapter in the form in which pyserial lists adapters."""
     return SimpleNamespace(device=str(device), vid=vid, pid=pid, serial_number=serial_number, location=location)
 
 
 def descriptors() -> int:
-    gc.collect()  # Remove the descriptors of earlier tests.
+    gc.collect()  # Garbage collection closes the descriptors of earlier tests.
     return len(os.listdir('/proc/self/fd'))
 
 
@@ -41,7 +41,7 @@ def plugged(monkeypatch):
 
 
 def opened(plugged, *adapters, channel='/dev/ttyACM0@115200') -> UsbPort:
-    """Return a port that was opened while ``adapters`` were connected; then disconnect them all."""
+    """Return a port that was opened while ``adapters`` were connected. The adapters are disconnected afterwards."""
     plugged += adapters
     port = UsbPort(channel)
     assert port.channel() == channel
@@ -55,7 +55,7 @@ def test_its_adapter_is_opened_under_its_new_name_with_the_same_bit_rate(plugged
     assert port.channel() == '/dev/ttyACM0@115200'
     plugged += [usb('/dev/ttyACM2', 'B7'), usb('/dev/ttyACM1')]
     assert port.channel() == '/dev/ttyACM1@115200'
-    plugged.append(usb('/dev/ttyACM0', 'C3'))  # Another adapter now has its old name.
+    plugged.append(usb('/dev/ttyACM0', 'C3'))  # Another adapter now has the first adapter's old name.
     assert port.channel() == '/dev/ttyACM1@115200'
 
 
@@ -71,7 +71,7 @@ def test_of_two_that_cannot_be_told_apart_the_one_at_its_place_is_it(plugged, se
     first, second = usb('/dev/ttyACM0', serial_number, '1-2'), usb('/dev/ttyACM1', serial_number, '1-3')
     port = opened(plugged, first, second)
     plugged.append(second)
-    assert port.channel() == '/dev/ttyACM0@115200'  # This adapter is not connected, and the port waits for it.
+    assert port.channel() == '/dev/ttyACM0@115200'  # The named adapter is not connected, so the port waits for it.
     plugged.append(usb('/dev/ttyACM5', serial_number, '1-2'))
     assert port.channel() == '/dev/ttyACM5@115200'
 
@@ -89,12 +89,13 @@ def test_a_port_that_is_no_usb_device_keeps_its_name(plugged):
 
 
 def test_a_pulled_adapter_is_closed_for_certain():
-    """The port and pyserial's pipes must be closed.
+    """Closing must close both the port and pyserial's pipes.
 
-    The kernel reuses the name of a port only when the port is closed.
+    The kernel reuses the name of a port only after the port has been closed.
     """
     pty = SlcanPty()
-    adapter = BusNetwork(pty, lambda message: None, lambda fault, error: None)  # This network answers as the adapter.
+    # This object plays the part of the adapter.
+    adapter = BusNetwork(pty, lambda message: None, lambda fault, error: None)
     before = descriptors()
     bus = open_bus('slcan', pty.port, 1_000_000)
     assert descriptors() > before
@@ -128,10 +129,10 @@ def test_an_adapter_that_was_pulled_out_is_used_under_its_new_name(plugged):
         driver.configure()
         driver.start()
         assert wait_until(lambda: is_whole_after(0))
-        plugged[1:] = [usb(port, 'B7')]  # From now on, any process may be given its name.
+        plugged[1:] = [usb(port, 'B7')]  # From now on, the kernel may give the adapter's old name to any process.
         simulator.stop()
         assert wait_until(lambda: driver.failure is not None)
-        held.append(os.openpty())  # This process takes the name, unless another one was faster.
+        held.append(os.openpty())  # This process takes the old name, unless another process was faster.
         simulator, new = plug()
         assert new != port
         count = len(frames)

@@ -1,4 +1,4 @@
-"""The view for a person: nothing old, hidden or unknown looks like a measurement."""
+"""The viewer for users must not show old, hidden or unknown data as a measurement."""
 
 import io
 import re
@@ -93,7 +93,10 @@ def test_a_taxel_without_a_value_is_marked_and_not_the_colour_of_no_load():
 
 
 def test_the_outline_lies_on_the_taxels_that_it_encloses():
-    """The corners are at the centres of taxels 1 and 3. The expected points are in taxels, with row 0 at the bottom."""
+    """The corners of the contact are at the centres of taxels 1 and 3.
+
+    The unit of the expected points is one taxel, and row 0 is at the bottom.
+    """
     outline, = parts(heat_map(state(), 100e3), 'polygon')
     assert outline.get('points') == '1.500,2.500 3.500,2.500 3.500,0.500 1.500,0.500'
 
@@ -115,7 +118,7 @@ def test_names_from_topics_are_text_and_not_html():
 
 
 def test_a_failure_of_the_bus_is_text_and_not_html():
-    """The text may contain words from a log or an adapter."""
+    """The text of a bus failure may contain words from a log or an adapter."""
     assert '<img' not in health_table(BusFacts('<img src=x onerror=alert(1)>', 0.1, {}, ()))
 
 
@@ -128,7 +131,7 @@ def test_a_force_of_saturated_taxels_is_a_lower_bound():
 
 
 def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():
-    """The layout gives the unit, so the view does not guess from the numbers."""
+    """The layout gives the unit, so the viewer must not guess the unit from the values."""
     values = np.zeros((16, 16))
     values[3, 3] = 1.0
     frame = TaxelFrame(0.0, 0, values, np.full((16, 16), TaxelStatus.VALID, np.uint8), 0)
@@ -137,7 +140,7 @@ def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():
 
 def test_the_scale_follows_the_largest_reading_and_forgets_it():
     scale = FullScale('Pa')
-    assert scale.update(np.array([1e3, NAN]), 0.0) == 50e3  # The scale is at least the reading of a pressed taxel.
+    assert scale.update(np.array([1e3, NAN]), 0.0) == 50e3  # The full scale is never less than the press threshold.
     assert scale.update(np.array([130e3]), 1.0) == 200e3
     assert scale.update(np.array([1e3]), 5.0) == 200e3
     assert scale.update(np.array([1e3]), 12.0) == 50e3
@@ -145,7 +148,7 @@ def test_the_scale_follows_the_largest_reading_and_forgets_it():
 
 
 def test_colours_rise_in_brightness():
-    every_fourth = PALETTE[::4].astype(int)  # The integer rounding may hide the increase between neighbours.
+    every_fourth = PALETTE[::4].astype(int)  # Rounding to integers may hide the increase from one colour to the next.
     assert (np.diff(every_fourth @ (299, 587, 114)) > 0).all()
     assert levels(np.array([-1.0, 0.0, 50.0, 100.0, 900.0]), 100.0).tolist() == [0, 0, 128, 255, 255]
 
@@ -153,9 +156,10 @@ def test_colours_rise_in_brightness():
 def test_a_gap_in_the_force_is_not_bridged():
     stamps = np.array([0.0, 0.1, 5.0, 5.1, 5.2])
     chart = force_chart({'left': np.array([stamps, [1, 1, 2, NAN, 2]])}, 6.0)
-    assert type(chart) is str  # If a page is sent any other type, it stops.
+    assert type(chart) is str  # A page stops working if the server sends it any other type.
     line = chart.split('class="line"')[1].split(' d="')[1].split('"')[0]
-    assert line.count('M') == 2 and line.count('L') == 2  # The NaN is left out, and a pause of 0.2 s is no gap.
+    # The chart omits the NaN, and a pause of 0.2 s is too short to be a gap.
+    assert line.count('M') == 2 and line.count('L') == 2
 
 
 # --- Old data
@@ -169,10 +173,10 @@ def test_old_data_say_how_old_they_are_and_not_what_touches():
 
 
 def test_a_browser_counts_what_is_live_from_its_last_receipt():
-    """The time for which a browser may show data as live starts at its last receipt.
+    """The time for which a browser may show data as live starts when the browser last received an update.
 
-    If the data are as old as the receipt, all of that time is left, except one frame of the browser. This holds however
-    late the data arrive.
+    If the data are as old as the last update, all of this time is left, except the duration of one browser frame. The
+    remaining time does not depend on the delay of the data.
     """
     pads = [drawn(0.3)._replace(since_receipt=0.3), drawn(0.2)._replace(since_receipt=0.3), drawn(3.0)]
     assert fresh_for(pads) == pytest.approx(OLD_AGE - FRAME_TIME) and fresh_for(pads[2:]) is None
@@ -193,7 +197,7 @@ def test_a_recording_is_never_called_live():
 @pytest.mark.parametrize('age, taxel, is_live', [
     (0.05, 1.0, True), (0.05, NAN, False), (3.0, 1.0, False), (3.0, NAN, False), (NAN, 1.0, False)])
 def test_a_pad_is_live_by_its_newest_valid_taxel(age, taxel, is_live):
-    """One valid taxel of 16 is enough. The others are counted and marked."""
+    """One valid taxel of 16 is enough for a live pad. The page counts and marks taxels without a value."""
     values = np.full((4, 4), NAN)
     values[2, 1] = taxel
     assert drawn(age, values=values).is_live is is_live
@@ -201,7 +205,7 @@ def test_a_pad_is_live_by_its_newest_valid_taxel(age, taxel, is_live):
 
 
 def test_a_dead_skin_of_which_frames_come_is_not_live():
-    """The driver continues to publish frames with present stamps, but every taxel is NaN."""
+    """The driver continues to publish frames with current stamps, but every taxel is NaN."""
     dead = drawn(0.05, values=np.full((4, 4), NAN))
     shown = pads_html([dead], 1)
     assert 'no valid taxels' in shown and 'square' not in shown and 'tactile-bar' not in shown
@@ -219,20 +223,20 @@ def test_live_is_said_of_all_pads_or_of_the_one():
 
 
 def rows_of(table):
-    """Return the text of each row of a table, by the name of the row."""
+    """Return the text of each table row by the name of the row."""
     return dict(row.removesuffix('</td></tr>').split('</td><td>') for row in re.findall('<td>(.*?</td></tr>)', table))
 
 
 def test_nothing_but_pads_and_status_line_says_whether_a_pad_is_live():
-    """All other parts are updated less often.
+    """All other parts of the page are updated less often.
 
-    They would contradict pads and status line when a pad fails or returns.
+    When a pad fails or returns, these parts would contradict the pads and the status line.
     """
     source, browser = HandSource(['left']), Sent()
     source.store.put(state())
     source.store.put_bus(BusFacts('', 0.3, {}, (PadFacts('left', 9, 0, 9, 9, {}),)))
     page = page_of(source, browser)
-    page._scene_due = float('inf')  # The next update is that of the chart and the tables.
+    page._scene_due = float('inf')  # With the scene postponed, the next update is that of the chart and the tables.
     page.start()
     until(lambda: browser.client.flush.call_count == 1, 60)
     page.taken(1)
@@ -259,7 +263,7 @@ def test_bus_and_nodes_do_not_contradict_a_dead_pad():
     assert rows['node 32'].startswith('it sends neither heartbeat nor taxels')
     well = facts._replace(pads=(facts.pads[0]._replace(nodes=(silent._replace(fault=''),)),))
     assert 'class=bad' not in health_table(well)
-    died = health_table(well, 12.0)  # The driver has died, so the states of its bus and its nodes are unknown.
+    died = health_table(well, 12.0)  # The driver has died, so the states of its bus and nodes are unknown.
     assert 'no failure' not in died and 'OPERATIONAL' not in died
 
 
@@ -288,11 +292,12 @@ def test_an_old_grasp_and_one_that_is_not_known_are_not_shown_as_current(age, ch
 
 @pytest.mark.parametrize('pads', [[0.1], [3.0]])
 def test_a_browser_hides_a_grasp_by_its_own_age(pads):
-    """New taxels do not keep an old grasp on the page, and old taxels do not hide a new one."""
+    """New taxels must not keep an old grasp on the page, and old taxels must not hide a new grasp."""
     held = HELD._replace(acquired=time.monotonic() - 0.4)
     shown = status_html(LIVE._replace(grasp=held), [drawn(age)._replace(since_receipt=0.3) for age in pads], 0, 1)
     of_pads, of_grasp = shown.split('grasp: ')
-    assert of_pads.count('<div') - of_pads.count('</div') == 1  # The grasp is inside an element that no age hides.
+    # The grasp must not lie inside an element that is hidden when a pad is old.
+    assert of_pads.count('<div') - of_pads.count('</div') == 1
     left = float(of_grasp.split('data-fresh="')[1].split('"')[0])
     assert left == pytest.approx(OLD_AGE - FRAME_TIME - 0.4 + 0.3, abs=0.1)
 
@@ -316,7 +321,7 @@ def test_the_sketch_is_covered_unless_it_is_current_by_its_own_receipt(age, is_c
 
 
 def test_stamps_of_another_time_are_said_to_be_a_replay():
-    """A replay publishes the stamps of its log at the present time."""
+    """A replay publishes stamps from its log, which lie in the past."""
     behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
     assert behind == pytest.approx(7200)
     replayed = drawn(0.1, stamp=time.time() - 7200.1)
@@ -326,7 +331,7 @@ def test_stamps_of_another_time_are_said_to_be_a_replay():
 
 
 def test_a_status_that_is_no_longer_sent_is_called_old():
-    """The driver has died after its last message reported that all is well."""
+    """The driver died after its last message, in which it reported no failure."""
     well = BusFacts('', 0.1, {}, ())
     assert 'OLD: nothing newer for 12 s' in health_table(well, 12.0) and 'OLD' not in health_table(well, 1.1)
     store = Store(['left'])
@@ -357,14 +362,14 @@ def test_a_loss_is_red_for_a_minute():
     table = health_table(lost, before=history.before(lost, 1001.0))
     assert 'class=bad' in table and rows_of(table)['lost: late'] == '7 (7 in 1 s)'
     assert rows_of(table)['queue overruns'] == '3 (3 in 1 s)'
-    history.before(lost, 1001.5)  # A page asks more often than status messages arrive.
+    history.before(lost, 1001.5)  # A page asks for the history more often than status messages arrive.
     table = health_table(later, before=history.before(later, 1061.6))
     assert 'class=bad' not in table and rows_of(table)['lost: late'] == '7 (0 in 60 s)'
-    assert 'class=bad' in health_table(later)  # For a recording, the table shows all of its losses.
+    assert 'class=bad' in health_table(later)  # For a recording, the table shows all losses since its beginning.
 
 
 def test_counters_that_begin_again_have_no_past():
-    """The driver was restarted, so 9 losses are not 2 more than the 7 before."""
+    """The driver was restarted, so its 9 losses must not be read as 2 more than the 7 losses before."""
     history = HealthHistory()
     for stamp, facts in enumerate((counted(7, 5000), counted(9, 90), counted(12, 190))):
         before = history.before(facts, float(stamp))
@@ -399,7 +404,8 @@ def test_a_timeline_gives_back_the_frame_of_a_time():
     found = timeline.moment('left', timeline.index('left', 2.7))
     assert found.frame.stamp == 2.0 and found.frame.values.tolist() == [[2, 2, 2], [2, 2, 2]]
     assert found.frame.missing_can_frames == 2 and (found.pitch, found.unit) == (0.004, 'Pa')
-    assert not timeline.add('left', frame(4.0), 0.005, 'Pa')  # This is another pad with the same name.
+    # A pad with the same name and another pitch is a different pad.
+    assert not timeline.add('left', frame(4.0), 0.005, 'Pa')
     timeline.close()
 
 
@@ -432,7 +438,10 @@ def test_a_terminal_shows_shape_and_size(monkeypatch):
 
 @pytest.mark.slow
 def test_a_name_is_no_command_to_the_terminal(monkeypatch):
-    """A bag from elsewhere may contain such a name. ESC c clears the terminal."""
+    """A bag from another source may contain a name with control characters.
+
+    The sequence ESC c would clear the terminal.
+    """
     monkeypatch.setenv('COLUMNS', '100')
     for stream in (Terminal(), io.StringIO()):
         source = HandSource(['left\x1bc'])
@@ -453,7 +462,7 @@ def test_a_narrow_terminal_gets_one_line(monkeypatch):
 
 
 class Sent:
-    """Records the updates sent to a browser, by the part of the page."""
+    """Records the updates that a browser would receive, by the part of the page."""
 
     def __init__(self):
         self.client = MagicMock(client_id=7)
@@ -479,8 +488,8 @@ def test_a_browser_that_does_not_answer_gets_nothing_more_and_then_the_newest():
     for k in range(500):
         source.store.put(state(stamp=0.01 * k))
     time.sleep(0.3)
-    assert flush.call_count == 1  # No update queues for this browser.
-    page.taken(0)  # This is the receipt of another update.
+    assert flush.call_count == 1  # No further update waits in a queue for this browser.
+    page.taken(0)  # This message confirms a different update.
     time.sleep(0.1)
     assert flush.call_count == 1
     page.taken(1)
@@ -511,7 +520,10 @@ def test_planes_are_computed_only_while_they_are_open(monkeypatch):
 
 
 def test_a_point_lies_on_the_side_of_the_curve_that_the_classifier_takes():
-    """By section 7 of the paper, a long bar is a rectangle. Its point lies in the field above the first curve."""
+    """According to section 7 of the paper, a long bar is a rectangle.
+
+    The point of the bar must lie in the area above the first curve.
+    """
     from tactile_node.viewing.pads_3d import Planes
     mask = np.zeros((16, 16), bool)
     mask[6:9, 2:14] = True

@@ -1,4 +1,7 @@
-"""`tactile view` in headless Chromium: it loads, follows the skin and keeps pace. No request leaves the machine."""
+"""`tactile view` in headless Chromium: the page loads, follows the skin and keeps up with it.
+
+The page sends no request to another machine.
+"""
 
 import asyncio
 import os
@@ -17,12 +20,12 @@ pytestmark = [pytest.mark.bus, pytest.mark.slow]
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or ''
 PICTURES = Path(__file__).resolve().parents[1] / 'build' / 'view'
 FLAGS = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']
-RATE = 50.0  #: Rate at which the pads of this test send [1/s].
+RATE = 50.0  #: Frame rate of the pads in this test [1/s].
 TUNNEL_RATE = 100e3  #: Data rate of the tunnel [bytes/s].
-JAM_PERIOD = 2.0  #: Time between two jams of a tunnel [s].
-JAM_TIME = 0.6    #: Duration of a jam, in which nothing moves [s].
+JAM_PERIOD = 2.0  #: Time between two jams of the tunnel [s].
+JAM_TIME = 0.6    #: Duration of a jam, during which the tunnel passes no data on [s].
 
-# With TACTILE_VIEW_TEST, a missing tool is an error. Otherwise the tests are skipped.
+# With TACTILE_VIEW_TEST, a missing tool is an error. Without TACTILE_VIEW_TEST, the tests are skipped.
 if not os.environ.get('TACTILE_VIEW_TEST'):
     pytest.importorskip('playwright', reason='playwright is missing: make view-test installs it')
     if not CHROMIUM:
@@ -39,7 +42,10 @@ def browser():
 
 
 class MovingSource(HandSource):
-    """Two pads of 16 x 16 taxels at 50 Hz. A square presses on one, and half of the other is hidden."""
+    """The simulated skin has two pads of 16 x 16 taxels at 50 Hz.
+
+    A square presses on one pad, and half of the other pad is hidden.
+    """
 
     def __init__(self):
         super().__init__()
@@ -125,9 +131,9 @@ def test_the_page_loads_follows_and_asks_only_this_machine(browser, server):
 
 
 def test_the_page_keeps_pace(browser, server):
-    """The limits are those of docs/operation_results.md with room for a loaded machine.
+    """The limits are those of docs/operation_results.md, relaxed for a loaded machine.
 
-    They are half of 15 updates per second, and twice 0.2 s.
+    The relaxed limits are half of 15 updates per second, and twice 0.2 s.
     """
     page = opened(browser, server)
     best_rate, best_delay = 0.0, np.inf
@@ -143,24 +149,26 @@ def test_a_silent_source_and_a_server_that_is_gone_are_not_live(browser, server)
     page = opened(browser, server)
     server._source.is_silent = True
     page.wait_for_selector('.tactile-silent')
-    # The words may be hidden at first. A browser that needs longer than 2 s for an update covers the page.
+    # The words may be hidden at first, because a page covers itself if an update takes longer than 2 s.
     until(lambda: 'no data for' in page.locator('.tactile-silent').first.inner_text(), 60)
     until(lambda: page.locator('.tactile-status b').first.inner_text() == 'NOT LIVE', 60)
-    until(lambda: set(page.evaluate(OPACITIES)) - {''} == {'0'}, 60)  # The page receives updates again.
+    # The page receives updates again, so nothing covers it.
+    until(lambda: set(page.evaluate(OPACITIES)) - {''} == {'0'}, 60)
     page.screenshot(path=PICTURES / 'silent.png')
     for running in server._pages.values():
-        running.stop()  # This is like a hung process: the connection stays, but nothing is sent.
+        # A stopped page behaves like a hung server process: the connection stays open, but no update is sent.
+        running.stop()
     page.wait_for_function("getComputedStyle(document.querySelector('.tactile-dead')).opacity === '1'")
     page.screenshot(path=PICTURES / 'not_served.png')
     page.close()
 
 
-#: Return true if the two elements overlap.
+#: JavaScript that returns true if the two elements overlap.
 OVERLAP = """selectors => {
     const [a, b] = selectors.map(each => document.querySelector(each).getBoundingClientRect());
     return a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 }"""
-#: Return the text that replaces the status line once its words are old.
+#: JavaScript that returns the text that replaces the status line once the status is old.
 IN_PLACE = """() => {
     const style = getComputedStyle(document.querySelector('.tactile-status .tactile-fresh'), '::after');
     return style.visibility === 'visible' ? style.content : '';
@@ -179,7 +187,8 @@ def test_without_a_gpu_the_message_of_the_3d_library_covers_nothing_and_old_word
     page.close()
 
 
-#: Return the opacity of the cover, every 20 ms for 1 s. It is '' if an update is just replacing the cover.
+#: JavaScript that returns the opacity of the cover every 20 ms for 1 s. The opacity is '' while an update replaces the
+#: cover.
 OPACITIES = """() => new Promise(resolve => {
     const seen = [];
     const timer = setInterval(() => seen.push(getComputedStyle(document.querySelector('.tactile-dead')).opacity), 20);
@@ -188,12 +197,15 @@ OPACITIES = """() => new Promise(resolve => {
 
 
 def cover(page):
-    """Return the text that covers the 3-D view, by the browser's own style; 'none' stands for no cover."""
+    """Return the text that covers the 3-D view, taken from the browser's computed style.
+
+    The text 'none' means that nothing covers the view.
+    """
     return page.evaluate("""getComputedStyle(document.querySelector('canvas').parentElement, '::after').content""")
 
 
 def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch):
-    """This happens if WebGL runs in software: after the first update of the scene, the next one takes long."""
+    """If WebGL runs in software, the browser takes long for the second update of the scene."""
     from tactile_node.viewing import page as module
     from tactile_node.viewing.server import ViewServer
     monkeypatch.setattr(module, 'SCENE_PERIOD', 3600.0)
@@ -206,7 +218,7 @@ def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch
     server.close()
 
 
-#: A script of a page reads these addresses in three ways: by a request, by a frame, and by a WebSocket that waits for a
+#: JavaScript that reads the addresses in three ways: by a request, by a frame, and by a WebSocket that waits for a
 #: message.
 READ = """addresses => Promise.all(addresses.flatMap(address => [
     fetch(`http://${address}/`).then(answer => answer.text()).then(text => `fetch ${address} ${text.length}`),
@@ -250,7 +262,7 @@ def test_a_page_of_another_origin_that_knows_every_port_reads_nothing(browser, s
     page = browser.new_page()
     page.goto(f'http://{other_origin}/')
     assert page.evaluate(read, addresses) == []
-    page.goto(f'http://127.0.0.1:{server.port}/')  # A page of the server's own origin can read in all three ways.
+    page.goto(f'http://127.0.0.1:{server.port}/')  # A page from the server's own origin can read in all three ways.
     found = page.evaluate(read, addresses)
     assert [each.split()[0] for each in found] == ['fetch', 'frame', 'socket']
     page.close()
@@ -259,7 +271,7 @@ def test_a_page_of_another_origin_that_knows_every_port_reads_nothing(browser, s
 class Tunnel:
     """Forwards a port like `ssh -L`.
 
-    All connections to the browser share TUNNEL_RATE, and the tunnel has jams.
+    All connections through the tunnel share the rate TUNNEL_RATE, and the tunnel jams from time to time.
     """
 
     def __init__(self, port):
@@ -303,8 +315,8 @@ class Tunnel:
         writer.close()
 
 
-#: For 10 s, read the ages [s] of a pad every 20 ms while the pad says LIVE and is not covered. After a pause of the
-#: browser, this timer runs after the page's own timers.
+#: JavaScript that reads the ages [s] of a pad every 20 ms for 10 s, whenever the pad says LIVE and is not covered.
+#: After a pause of the browser, this timer runs after the timers of the page.
 AGES = """begin => new Promise(resolve => {
     const ages = [];
     const look = () => {
@@ -325,7 +337,7 @@ def test_over_a_slow_tunnel_nothing_old_looks_live(browser, server):
     server._source.side_at = lambda now: now - begin
     tunnel = Tunnel(server.port)
     page = opened(browser, server, port=tunnel.port)
-    # Without a GPU, the 3-D view would keep the browser from drawing at all.
+    # Without a GPU, drawing the 3-D view would block the browser.
     page.get_by_text('3-D', exact=True).click()
     page.add_style_tag(content='canvas {display: none}')
     page.wait_for_timeout(1000)

@@ -1,4 +1,4 @@
-"""Access to the data of `tactile view`: requests are written by hand, and the real server answers."""
+"""Access to the data of `tactile view`: the test sends hand-written requests to a real server."""
 
 import socket
 import urllib.request
@@ -25,7 +25,7 @@ def open_server():
 
 
 def ask(port, target='/', host=None, more=''):
-    """Return the status and the whole answer; ``target`` is sent as it is."""
+    """Return the status and the complete response to a request, with ``target`` sent unchanged."""
     with socket.create_connection(('127.0.0.1', port), 5) as connection:
         host = f'127.0.0.1:{port}' if host is None else host
         connection.sendall(f'GET {target} HTTP/1.1\r\nHost: {host}\r\n{more}\r\n'.encode())
@@ -39,7 +39,7 @@ def test_the_page_comes_to_a_browser_of_this_machine(open_server):
 
 @pytest.mark.parametrize('more', ['', UPGRADE])
 def test_another_name_for_this_machine_is_refused(open_server, more):
-    """In DNS rebinding, the name of a page from evil.example later leads to 127.0.0.1."""
+    """In a DNS rebinding attack, the name evil.example first leads to the attacker's server and later to 127.0.0.1."""
     assert ask(open_server.port, host='evil.example:80', more=more)[0] == 403
 
 
@@ -58,7 +58,10 @@ def test_every_loopback_address_is_this_machine():
 
 
 def test_web_pages_do_not_find_the_server_behind_the_gate(open_server):
-    """viser does not check the Origin. A page of another site may try all ports of 127.0.0.1 and localhost."""
+    """The viser server does not check the Origin header.
+
+    A page from another site may try all ports of 127.0.0.1 and localhost.
+    """
     with pytest.raises(OSError):
         socket.create_connection(('127.0.0.1', open_server._viser.get_port()), 5).close()
 
@@ -69,9 +72,9 @@ def test_an_address_that_is_none_is_answered(open_server, target, more):
 
 
 def test_a_second_request_on_one_connection_is_looked_at_too(open_server):
-    """The first request is from this machine, but the second is not.
+    """The first request names this machine as its host, but the second request does not.
 
-    The bytes of the second never reach the server of the page.
+    The bytes of the second request must never reach the server of the page.
     """
     first = 'GET /taken/0/1 HTTP/1.1\r\nHost: localhost\r\n\r\n'
     with socket.create_connection(('127.0.0.1', open_server.port), 5) as connection:
@@ -111,16 +114,17 @@ def test_a_source_that_cannot_start_is_reported_on_the_page(caplog):
             raise RuntimeError('a defect')
     server = ViewServer(Broken(), port=0)
     with server._changed:
-        server._pages[0] = SimpleNamespace(stop=lambda: None, join=lambda: None)  # This stands for a browser.
+        # This object takes the place of a connected browser.
+        server._pages[0] = SimpleNamespace(stop=lambda: None, join=lambda: None)
         server._changed.notify_all()
     until(lambda: server.is_source_on, 60)
     assert server._source.store.shown().problem == 'internal error: RuntimeError: a defect'
     assert 'Traceback' in caplog.text
-    server.close()  # Closing ends the thread of the server.
+    server.close()  # Closing the server also ends its thread.
     assert (server._source.begun, server._source.ended) == (1, 1)
 
 
 def test_without_a_browser_the_source_is_off(open_server):
-    """A request for the page does not start the source."""
+    """A request for the page alone does not start the source."""
     urllib.request.urlopen(f'http://127.0.0.1:{open_server.port}/').read()
     assert open_server._source.begun == 0 and not open_server.is_source_on

@@ -1,4 +1,4 @@
-"""Sources of a view: topics, a bus, a log and a bag. Each runs only while somebody looks."""
+"""The sources of a viewer are topics, a bus, a log and a bag. Each source runs only while a viewer is connected."""
 
 import time
 
@@ -27,7 +27,10 @@ def received(bus):
 
 @pytest.fixture
 def skin(request):
-    """Return the settings of a virtual bus named after this test. A 7 x 7 square touches its pad."""
+    """Return the settings of a virtual bus that has the name of this test.
+
+    A square of 7 x 7 taxels touches the pad on this bus.
+    """
     pads = with_dictionaries(make_pads([LAYOUT], [32], ['left']))
     taxels = np.zeros((16, 16))
     taxels[4:11, 4:11] = 50e3
@@ -48,11 +51,12 @@ def test_a_bus_is_shown_while_somebody_looks_and_left_alone_after(skin):
     assert seen.contact.force == pytest.approx(49 * 50e3 * seen.pitch ** 2, rel=0.02)
     assert source.age(seen) < 5
     source.stop()
-    assert source.store.shown().pads['left'] is None  # The next viewer sees nothing of the earlier data.
+    assert source.store.shown().pads['left'] is None  # The next viewer must not see data from before.
     with open_bus(skin[0].interface, skin[0].channel, 1_000_000) as other:
         time.sleep(0.3)
         heard = received(other)
-    assert 0x80 not in heard and not any(0x180 <= can_id < 0x580 for can_id in heard)  # CiA 301: SYNC and TPDOs.
+    # SYNC and TPDOs have these COB-IDs (CiA 301).
+    assert 0x80 not in heard and not any(0x180 <= can_id < 0x580 for can_id in heard)
 
 
 def test_a_bus_that_another_master_runs_is_not_disturbed(skin):
@@ -63,7 +67,7 @@ def test_a_bus_that_another_master_runs_is_not_disturbed(skin):
             BusSource(*skin).check()
         sync.stop()
         sent = received(other)
-    assert 0x000 not in sent and 0x620 not in sent  # NMT commands and SDO requests.
+    assert 0x000 not in sent and 0x620 not in sent  # NMT commands and SDO requests have these COB-IDs.
 
 
 def test_a_device_that_is_gone_is_reported_on_the_page(skin):
@@ -76,7 +80,10 @@ def test_a_device_that_is_gone_is_reported_on_the_page(skin):
 
 
 def test_a_log_is_sought_in(skin, tmp_path):
-    """The log covers half a second of a live bus. At its beginning nothing is known; later the square is."""
+    """The test records half a second of a live bus and then seeks in this log.
+
+    At the beginning of the log, no taxels are known; later, the square is visible.
+    """
     settings, pads = skin
     log = tmp_path / 'can.log'
     live = BusSource(BusSettings(settings.interface, settings.channel, record=str(log)), pads)
@@ -86,7 +93,7 @@ def test_a_log_is_sought_in(skin, tmp_path):
     live.stop()
     source = RecordingSource(LogRecording(str(log), make_pads([LAYOUT], [32], ['left'])))
     source.check()
-    assert source.length == 0  # The log is not read before somebody looks.
+    assert source.length == 0  # The source reads the log only once a viewer is connected.
     source.play(False)
     source.start()
     until(lambda: source.is_complete)
@@ -99,7 +106,7 @@ def test_a_log_is_sought_in(skin, tmp_path):
 
 
 def test_a_gap_in_a_bag_is_not_shown_as_if_the_pad_were_read(tmp_path):
-    """The frames are at 1, 2, 3 and 60 s; the expected values are computed by hand."""
+    """The frames have the stamps 1, 2, 3 and 60 s, and the expected values are worked out by hand."""
     times = (1, 2, 3, 60)
     bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), time)) for time in times])
     source = RecordingSource(BagRecording(str(tmp_path / 'bag')))
@@ -144,7 +151,7 @@ def test_a_bus_source_that_dies_says_why(skin, monkeypatch, caplog):
 
 @pytest.mark.parametrize('method', ['read', 'show'])
 def test_a_recording_whose_thread_dies_says_why_and_ends(method, tmp_path, monkeypatch, caplog, capsys):
-    """One thread reads the recording, and the other one shows it."""
+    """One thread reads the recording, and another thread shows it."""
     bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), time)) for time in (1, 9999)])
     of = BagRecording if method == 'read' else RecordingSource
     monkeypatch.setattr(of, method, lambda *_: 1 / 0)
@@ -193,7 +200,7 @@ WINDOW = '--start 3 --duration 9'.split()
      '--any-device')])
 def test_an_option_that_a_source_would_ignore_is_an_error(source, options, ignored, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(view, '_serve', lambda *_: None)  # Otherwise the command would serve for ever.
+    monkeypatch.setattr(view, '_serve', lambda *_: None)  # Without this replacement, the command would serve for ever.
     bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), 1))])
     assert main(['view', '--port', '0', *source, *options]) == 2
     assert f'got {ignored}. ' in capsys.readouterr().err

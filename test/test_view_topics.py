@@ -1,4 +1,4 @@
-"""`tactile view` for running nodes: its subscriptions, and which shape it shows on which taxels."""
+"""`tactile view` for running nodes: the topics to which it subscribes, and the frame on which it shows each shape."""
 
 import time
 
@@ -64,13 +64,13 @@ def test_topics_that_cannot_be_read_any_more_say_why(nodes, monkeypatch, caplog)
     until(lambda: source.store.shown().problem == 'internal error: ZeroDivisionError: division by zero', 60)
     assert 'Traceback' in caplog.text
     source.stop()
-    monkeypatch.undo()  # the publisher sends its last status again, to the new subscription
-    source.start()  # This is the next browser.
+    monkeypatch.undo()  # The publisher sends its last status again for the new subscription.
+    source.start()  # The source is started for the next browser.
     assert source.store.shown().problem == ''
 
 
 def publishers(source, node):
-    """Return publishers of the taxels and shapes of the left pad, to which ``source`` subscribes."""
+    """Return publishers for the taxels and the shapes of the left pad, after ``source`` has subscribed to both."""
     from tactile_node.ros.qos import frames_qos
     from tactile_skin.msg import ContactShape, TaxelArray
     of_taxels = node.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
@@ -81,7 +81,10 @@ def publishers(source, node):
 
 
 def test_a_shape_of_a_driver_before_is_not_shown_on_the_taxels_of_this_one(nodes):
-    """Both drivers start to count at 1. A shape without its taxels must not hold back new taxels."""
+    """The sequence numbers of both drivers start at 1.
+
+    A shape without its own taxels must not delay the display of new taxels.
+    """
     source, node = nodes
     of_taxels, of_shapes = publishers(source, node)
     before = taxels(node, 1, 10e3)
@@ -103,19 +106,19 @@ def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes, name,
     first, second = taxels(node, 1, 10e3), taxels(node, 2, 99e3)
     of_taxels.publish(first)
     until(lambda: source.store.shown().pads['left'] is not None)
-    assert source.store.shown().pads['left'].contact is None  # The taxels have not been recognised yet.
+    assert source.store.shown().pads['left'].contact is None  # No shape has arrived for these taxels so far.
     of_taxels.publish(second)
     time.sleep(0.1)
-    of_shapes.publish(shape(first, name, number))  # The shape is late: the second frame has already arrived.
+    of_shapes.publish(shape(first, name, number))  # The shape is late, because the second frame has already arrived.
     until(lambda: source.store.shown().pads['left'].contact is not None)
     seen = source.store.shown().pads['left']
     np.testing.assert_array_equal(seen.values, [[10e3, 10e3], [NAN, 10e3]])
     assert (seen.contact.shape, seen.contact.confidence) == (name, pytest.approx(0.9))
-    assert seen.contact.outline is None  # The outline is missing because fit_valid is false.
+    assert seen.contact.outline is None  # The page draws no outline, because fit_valid is false.
 
 
 def grasp(header, **changed):
-    """Return a grasp with both pads touched, at an unknown place and with an unknown object."""
+    """Return a grasp in which both pads are touched, but the position and the class of the object are unknown."""
     from tactile_skin.msg import Grasp
     message = Grasp(header=header, side_states=2 * [Grasp.SIDE_TOUCHED], contact=Grasp.TWO_SIDED, shape=2,
                     class_name='unknown', centre=[NAN, NAN], **changed)
@@ -134,7 +137,8 @@ def test_a_grasp_has_its_own_age_and_one_that_contradicts_itself_is_not_shown(no
     publisher = node.create_publisher(Grasp, '/grasp', frames_qos(10))
     source.start()
     until(publisher.get_subscription_count)
-    publisher.publish(grasp(taxels(node, 1, 10e3).header, stable=True))  # The message is stable but not fresh.
+    # This message claims to be stable although it is not fresh.
+    publisher.publish(grasp(taxels(node, 1, 10e3).header, stable=True))
     publisher.publish(grasp(taxels(node, 1, 10e3).header))
     until(lambda: source.store.shown().grasp is not None)
     seen = source.store.shown().grasp

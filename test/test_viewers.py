@@ -1,4 +1,7 @@
-"""The pictures in RViz, Foxglove and PlotJuggler: the fields, frames and QoS that they need. None of them misleads."""
+"""The displays in RViz, Foxglove and PlotJuggler must have the fields, the frames and the QoS that they need.
+
+No display may mislead its user.
+"""
 
 import importlib
 import json
@@ -47,9 +50,9 @@ PRESSED = 50e3  # Pressure in Pa.
 
 
 def taxels(values, saturated=(), unmapped=(), unit='Pa', sec=1_700_000_000) -> TaxelArray:
-    """Return a message as any driver may send it.
+    """Return a TaxelArray as any driver may publish it.
 
-    ``saturated`` and ``unmapped`` list (row, col) of taxels.
+    ``saturated`` and ``unmapped`` are lists of (row, col).
     """
     values = np.array(values, np.float32)
     status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
@@ -66,7 +69,7 @@ def taxels(values, saturated=(), unmapped=(), unit='Pa', sec=1_700_000_000) -> T
 
 
 def pressed(*blocks, hidden=(), value=PRESSED) -> np.ndarray:
-    """Return a pad of 16x16 with ``blocks`` and ``hidden`` taxels, each (row, col, rows, cols)."""
+    """Return the values of a 16x16 pad with pressed ``blocks`` and ``hidden`` rectangles (row, col, rows, cols)."""
     values = np.zeros((16, 16))
     for row, col, rows, cols in blocks:
         values[row:row + rows, col:col + cols] = value
@@ -76,7 +79,7 @@ def pressed(*blocks, hidden=(), value=PRESSED) -> np.ndarray:
 
 
 def contact_of(message: TaxelArray):
-    """Return the Contact of ``message``, and its pattern."""
+    """Return the Contact message for ``message``, and the pattern of its contact."""
     def having(code):
         return np.array(message.status).reshape(message.rows, message.cols) == code
     pattern = PatternExtractor(unit=message.unit).extract(
@@ -116,7 +119,8 @@ def test_a_taxel_without_a_plain_value_has_a_colour_that_no_value_has(number):
 
 def test_noise_is_dark_and_a_scale_that_has_grown_stays():
     scale, whole = ColourScale(), np.zeros((1, 2), bool)
-    assert scale.numbers(np.array([[0.0, 600.0]]), whole, 'Pa').max() <= 6  # 600 Pa of 30 kPa is level 5 of 255.
+    # 600 Pa of a full scale of 30 kPa is level 5 of 255.
+    assert scale.numbers(np.array([[0.0, 600.0]]), whole, 'Pa').max() <= 6
     assert scale.numbers(np.array([[0.0, 60e3]]), whole, 'Pa').tolist() == [[0, 255]]
     assert scale.numbers(np.array([[NAN, 30e3]]), whole, 'Pa').tolist() == [[NO_VALUE, 128]]
     assert ColourScale().numbers(np.array([[0.0, 1.0]]), whole, '1').tolist() == [[0, 255]]
@@ -137,12 +141,12 @@ def wrench(message: TaxelArray) -> list[float]:
 
 
 def test_what_presses_pushes_into_the_skin_with_its_torques_about_taxel_0_0():
-    # 3x5 taxels of 2 mm at 50 kPa: 15 * 4e-6 m^2 * 50e3 Pa = 3 N at x = 9 * 2 mm, y = 4 * 2 mm.
+    # For 3x5 taxels of 2 mm at 50 kPa, the force is 15 * 4e-6 m^2 * 50e3 Pa = 3 N at x = 9 * 2 mm, y = 4 * 2 mm.
     assert wrench(taxels(pressed((3, 7, 3, 5)))) == pytest.approx([0, 0, -3.0, -3.0 * 0.008, 3.0 * 0.018, 0])
 
 
 def test_all_contacts_count():
-    # 4x4 taxels: 3.2 N at x = 1.5, y = 2.5 taxels. 3x3 taxels: 1.8 N at x = 12, y = 11 taxels.
+    # 4x4 taxels carry 3.2 N at x = 1.5, y = 2.5 taxels. 3x3 taxels carry 1.8 N at x = 12, y = 11 taxels.
     message = taxels(pressed((1, 0, 4, 4), (10, 11, 3, 3)))
     message.finger_ends = message.FIRST_COL
     assert wrench(message) == pytest.approx([0, 0, -5.0, -(3.2 * 0.005 + 1.8 * 0.022), 3.2 * 0.003 + 1.8 * 0.024, 0])
@@ -168,11 +172,11 @@ def test_an_empty_pad_that_was_seen_has_no_force():
 
 
 @pytest.mark.parametrize('message', [
-    taxels(pressed(hidden=[(0, 0, 3, 3)])),  # An object may press there.
+    taxels(pressed(hidden=[(0, 0, 3, 3)])),  # An unseen object may press on the hidden taxels.
     taxels(np.full((16, 16), NAN)),
-    taxels(pressed((3, 7, 4, 4), hidden=[(12, 0, 3, 3)])),  # A hidden object may press beside the visible contact.
-    taxels(pressed((3, 7, 4, 4), hidden=[(4, 11, 2, 1)])),  # The contact may continue there.
-    taxels(pressed((3, 7, 4, 4)), saturated=[(4, 8)]),  # The force may be more than the taxels can read.
+    taxels(pressed((3, 7, 4, 4), hidden=[(12, 0, 3, 3)])),  # A second object may press on the hidden taxels.
+    taxels(pressed((3, 7, 4, 4), hidden=[(4, 11, 2, 1)])),  # The contact may extend to the hidden taxels.
+    taxels(pressed((3, 7, 4, 4)), saturated=[(4, 8)]),  # The force on the saturated taxel may exceed its reading.
     taxels(pressed((3, 7, 4, 4), value=1.0), unit='1'),
     taxels(pressed(), unit='1')], ids=['room', 'silent', 'elsewhere', 'beside', 'saturated', 'on_off', 'on_off_empty'])
 def test_a_force_that_is_not_known_is_no_number(message):
@@ -182,13 +186,14 @@ def test_a_force_that_is_not_known_is_no_number(message):
 # --- Markers
 
 def shape_of(contact: Contact, **fields) -> ContactShape:
-    """Return the shape of a square of 4 taxels at row 3, column 7, with a matching fit."""
+    """Return the shape message for a square of 4 taxels at row 3, column 7, with a matching fit."""
     message = ContactShape(
         header=contact.header, sequence=contact.sequence, shape=ContactShape.SQUARE, class_name='square',
         unknown_reason=ContactShape.NOT_UNKNOWN, confidence=0.93, fit_valid=True, symmetry=4,
         dimension_names=['side'], dimensions=[0.008])
     message.pose.pose.position.x, message.pose.pose.position.y = 0.017, 0.009
-    message.pose.pose.orientation.z = message.pose.pose.orientation.w = math.sqrt(0.5)  # A quarter turn from x to y.
+    # The quaternion is a quarter turn from x to y.
+    message.pose.pose.orientation.z = message.pose.pose.orientation.w = math.sqrt(0.5)
     message.centre_of_pressure.x, message.centre_of_pressure.y = 0.0171, 0.0092
     message.outline.points = [Point32(x=x, y=y) for x, y in
                               ((0.013, 0.005), (0.021, 0.005), (0.021, 0.013), (0.013, 0.013))]
@@ -198,7 +203,7 @@ def shape_of(contact: Contact, **fields) -> ContactShape:
 
 
 def without_fit(contact: Contact, **fields) -> ContactShape:
-    """Return the message of a classifier for UNKNOWN or NONE, without an outline and with a pose of NaN."""
+    """Return the classifier's message for UNKNOWN or NONE, which has no outline and a pose of NaN."""
     message = ContactShape(header=contact.header, **fields)
     for part in (message.pose.pose.position, message.centre_of_pressure):
         part.x = part.y = NAN
@@ -211,7 +216,7 @@ def square(**fields) -> tuple[Contact, ContactShape]:
 
 
 def drawn(contact: Contact, shape: ContactShape, lifetime=0.5) -> dict[str, Marker]:
-    """Return the added markers by namespace; check that RViz can draw each of them."""
+    """Return the added markers by namespace, after checking that RViz can draw each of them."""
     found = ContactMarkers(ColourScale(100e3)).message(contact, shape, lifetime).markers
     assert [marker.ns for marker in found] == NAMESPACES and {marker.id for marker in found} == {0}
     assert {marker.action for marker in found} <= {Marker.ADD, Marker.DELETE}
@@ -223,9 +228,9 @@ def drawn(contact: Contact, shape: ContactShape, lifetime=0.5) -> dict[str, Mark
 
 
 def check_as_rviz_does(marker: Marker) -> None:
-    """Check that RViz neither refuses the marker, nor warns of it, nor hides it.
+    """Check that RViz would draw the marker without an error or a warning.
 
-    The rules are those of rviz_default_plugins/displays/marker.
+    The rules in this function are those of rviz_default_plugins/displays/marker.
     """
     turn, place, scale = marker.pose.orientation, marker.pose.position, marker.scale
     assert math.hypot(turn.x, turn.y, turn.z, turn.w) == pytest.approx(1)
@@ -233,15 +238,15 @@ def check_as_rviz_does(marker: Marker) -> None:
     assert np.isfinite(points).all()
     needed = {Marker.CUBE_LIST: 'xyz', Marker.SPHERE: 'xyz', Marker.LINE_STRIP: 'x', Marker.LINE_LIST: 'x',
               Marker.TEXT_VIEW_FACING: 'z'}[marker.type]
-    for axis in 'xyz':  # The x of a text would be the width of its spaces.
+    for axis in 'xyz':  # RViz would take a text's x scale for the width of a space.
         assert getattr(scale, axis) > 0 if axis in needed else getattr(scale, axis) == 0
     assert all(colour.a == 1 for colour in (marker.color, *marker.colors))
     if marker.type in (Marker.CUBE_LIST, Marker.LINE_STRIP, Marker.LINE_LIST):
         assert marker.points and len(marker.colors) in (0, len(marker.points))
     if marker.type == Marker.LINE_LIST:
         assert len(marker.points) % 2 == 0
-    assert not marker.frame_locked  # The marker is drawn at the place where the pad was then.
-    assert marker.lifetime.sec or marker.lifetime.nanosec  # A lifetime of 0 would never end.
+    assert not marker.frame_locked  # The marker stays at the position that the pad had at the time of the frame.
+    assert marker.lifetime.sec or marker.lifetime.nanosec  # A marker with a lifetime of 0 would never expire.
 
 
 def flat(points) -> list[tuple[float, float]]:
@@ -251,9 +256,9 @@ def flat(points) -> list[tuple[float, float]]:
 def test_every_taxel_is_where_it_is_in_the_colour_of_its_value():
     contact, _ = contact_of(taxels([[0, 0, 0], [0, 0, NAN]], unmapped=[(0, 1)]))
     marker = drawn(contact, without_fit(contact, class_name='none', shape=ContactShape.NONE))['taxels']
-    # The UNMAPPED taxel is no point.
+    # The marker contains no point for the UNMAPPED taxel.
     assert flat(marker.points) == [(0, 0), (0.004, 0), (0, 0.002), (0.002, 0.002), (0.004, 0.002)]
-    # The tops lie at the skin's surface, with gaps between neighbours.
+    # The tops of the taxels lie on the surface of the skin, with gaps between neighbours.
     assert [point.z + marker.scale.z / 2 for point in marker.points] == [pytest.approx(0.0)] * 5
     assert marker.scale.x < PITCH and marker.scale.y < PITCH
     rgb = [[round(255 * part) for part in (colour.r, colour.g, colour.b)] for colour in marker.colors]
@@ -266,15 +271,15 @@ def test_a_square_has_outline_axes_centre_and_name_and_a_circle_no_axes():
     assert list(found) == NAMESPACES
     assert flat(found['outline'].points) == [(0.013, 0.005), (0.021, 0.005), (0.021, 0.013), (0.013, 0.013),
                                              (0.013, 0.005)]
-    # The axes reach half a side from the centre. The x axis of the shape lies along y of the pad, and its y axis
-    # against x.
+    # Each axis has half of the side as its length. The shape's x axis points along y of the pad, and its y axis points
+    # along -x.
     assert flat(found['axes'].points) == [(0.017, 0.009), (0.017, 0.013), (0.017, 0.009), (0.013, 0.009)]
     x, _, y, _ = found['axes'].colors
     assert x.r > 2 * max(x.g, x.b) and y.b > y.r
     assert flat([found['centre_of_pressure'].pose.position]) == [(0.0171, 0.0092)]
     assert found['name'].text == 'square 93%'
     place = found['name'].pose.position
-    assert place.x == pytest.approx(7.5 * PITCH) and place.y > 15.5 * PITCH  # The name lies beyond the last row.
+    assert place.x == pytest.approx(7.5 * PITCH) and place.y > 15.5 * PITCH  # The name is placed beyond the last row.
 
 
 def test_a_bound_is_not_drawn_as_the_whole():
@@ -291,7 +296,7 @@ def test_a_bound_is_not_drawn_as_the_whole():
     ({'shape': ContactShape.NONE, 'class_name': 'none', 'unknown_reason': ContactShape.NOT_UNKNOWN,
       'confidence': 1.0}, 'none 100%')])
 def test_without_a_shape_only_taxels_and_name_are_left_of_one_drawn_before(fields, text):
-    """RViz and Foxglove keep markers by namespace and id, until they are deleted or have expired."""
+    """RViz and Foxglove keep markers by namespace and id until they are deleted or expire."""
     screen = {}
     contact, _ = contact_of(taxels(pressed((3, 7, 4, 4))))
     for shape in (shape_of(contact), without_fit(contact, **fields)):
@@ -304,11 +309,11 @@ def test_without_a_shape_only_taxels_and_name_are_left_of_one_drawn_before(field
 
 @pytest.mark.parametrize(('arrivals', 'stamps', 'lifetimes'), [
     ((0.0, 0.02, 0.04), (0.0, 0.02, 0.04), [0.5, 0.5, 0.5]),
-    # A slow skin that becomes slower.
+    # The skin is slow and becomes slower.
     ((0.0, 2.0, 4.0, 1e6, 2e6), (0.0, 2.0, 4.0, 1e6, 2e6), [0.5, 6.0, 6.0, 6.0, 30.0]),
-    ((0.0, 1.0, 2.0), (0.0, 0.02, 0.04), [0.5, 3.0, 3.0]),  # A log of 50 Hz, played at a 50th of its pace.
-    ((0.0, 0.02, 0.04), (0.0, 1.0, 2.0), [0.5, 3.0, 3.0]),  # A log of 1 Hz, played at 50 times its pace.
-    ((0.0, 0.02, 10.0, 10.02), (0.0, 0.02, 10.0, 10.02), [0.5, 0.5, 0.5, 0.5])])  # An outage of the skin.
+    ((0.0, 1.0, 2.0), (0.0, 0.02, 0.04), [0.5, 3.0, 3.0]),  # A log of 50 Hz is played at a 50th of its speed.
+    ((0.0, 0.02, 0.04), (0.0, 1.0, 2.0), [0.5, 3.0, 3.0]),  # A log of 1 Hz is played at 50 times its speed.
+    ((0.0, 0.02, 10.0, 10.02), (0.0, 0.02, 10.0, 10.02), [0.5, 0.5, 0.5, 0.5])])  # The skin fails for almost 10 s.
 def test_markers_last_from_one_frame_to_the_next_and_expire_when_a_skin_is_silent(arrivals, stamps, lifetimes):
     lifetime = MarkerLifetime()
     assert [lifetime.after(*times) for times in zip(arrivals, stamps)] == lifetimes
@@ -319,7 +324,7 @@ def test_markers_last_from_one_frame_to_the_next_and_expire_when_a_skin_is_silen
 # --- On topics
 
 class Pad(RosBench):
-    """Both nodes of a pad, and a peer that publishes its taxels and reads the topics of the viewers."""
+    """Both nodes of a pad, and a peer node that publishes the taxels and subscribes to the topics of the displays."""
 
     def __init__(self, stack, lossless: bool = False):
         super().__init__(stack)
@@ -334,14 +339,14 @@ class Pad(RosBench):
         self.until(lambda: self.peer.count_publishers('shape'))
 
     def send(self, message: TaxelArray) -> None:
-        """Publish ``message`` and wait for its shape."""
+        """Publish ``message`` and wait for the shape with its stamp."""
         self._taxels.publish(message)
         self.until(lambda: self.shapes and self.shapes[-1].header.stamp == message.header.stamp)
 
 
 @pytest.fixture
 def made(monkeypatch) -> list[str]:
-    """Return a list that records the names of the computed messages."""
+    """Return a list that records the name of each computed message."""
     found: list[str] = []
 
     def noting(name, make):
@@ -396,7 +401,7 @@ RVIZ_TYPES = {'rviz_default_plugins/MarkerArray': 'visualization_msgs/msg/Marker
 
 
 def field_type(kind: str, path: list[str]) -> str:
-    """Return the type of a field in messages of ``kind``; ``path`` has the names from outside in."""
+    """Return the type of a field in messages of ``kind``, where ``path`` lists the field names from the outside in."""
     for name in path:
         package, *_, message = kind.split('/')
         kind = getattr(importlib.import_module(f'{package}.msg'), message).get_fields_and_field_types()[name]
@@ -409,7 +414,7 @@ def test_the_rviz_configuration_shows_topics_of_the_types_that_its_displays_take
     assert set(shown) == {f'/{pad}/{topic}' for pad in ('left', 'right') for topic in ('markers', 'image_colour')}
     for topic, display in shown.items():
         assert TOPICS[topic] == RVIZ_TYPES[display['Class']] and display['Enabled'] and display['Value']
-        # A volatile publisher sends no earlier messages to a latching subscriber.
+        # A volatile publisher would send no earlier message even to a transient-local subscriber.
         assert display['Topic']['Durability Policy'] == 'Volatile'
     assert len({display['Name'] for display in view['Displays']}) == len(view['Displays'])
     assert view['Global Options']['Fixed Frame'] == 'gripper'
@@ -425,11 +430,12 @@ def test_the_foxglove_layout_shows_topics_and_fields_that_exist():
             for path in panel['paths']:
                 topic, *fields = path['value'].split('.')
                 assert field_type(TOPICS[topic], fields) in ('double', 'float') and path['enabled']
-                assert field_type(TOPICS[topic], ['header', 'stamp'])  # The plot uses headerStamp.
+                assert field_type(TOPICS[topic], ['header', 'stamp'])  # The plot uses the stamp in the header.
         elif kind == 'Image':
             assert TOPICS[panel['imageMode']['imageTopic']] == 'sensor_msgs/msg/Image'
         elif kind == '3D':
-            # The topic is that of one pad, in its own frame. It is therefore drawn even without a known transform.
+            # The topic belongs to one pad and uses its frame. Foxglove can therefore draw the topic without a known
+            # transform.
             topic, = panel['topics']
             assert TOPICS[topic] == 'visualization_msgs/msg/MarkerArray' and panel['topics'][topic]['visible']
             assert panel['followTf'] == f'{topic.split("/")[1]}_pad'

@@ -1,4 +1,4 @@
-"""Section 7 of the paper: the planes, their fitting, and the classifier."""
+"""Section 7 of the paper: the planes, how they are fitted, and the classifier."""
 
 import numpy as np
 import pytest
@@ -32,9 +32,9 @@ def recognise(classifier, mask):
 
 
 def test_a_known_curve_is_found_again():
-    """Points lie on both sides of v = 2 - 0.5 u, and one in five lies on the wrong side.
+    """The points lie on both sides of the line v = 2 - 0.5 u, and one in five lies on the wrong side.
 
-    The best curve is this line.
+    The best separating curve is the line v = 2 - 0.5 u.
     """
     rng = np.random.default_rng(1)
     u, v = rng.uniform(1, 4, 20_000), rng.uniform(-1, 3, 20_000)
@@ -62,9 +62,9 @@ def test_shares_are_counted_by_answer_and_band():
 
 
 def test_fitting_wins_where_the_planes_part_the_classes():
-    """The tree can separate the five clusters, and all of them are recognised.
+    """The tree of planes can separate the five clusters, so all of them must be recognised.
 
-    The first curve does not cut the class of the second plane.
+    The first curve does not cut through the classes of the second plane.
     """
     rng = np.random.default_rng(4)
     labels = np.arange(2000) % 5

@@ -1,4 +1,4 @@
-"""The simulated wire in virtual time, compared with a separate model, and with devices and the assembler."""
+"""The simulated wire in virtual time is compared with a separate model, and used with devices and the assembler."""
 
 import math
 import os
@@ -21,9 +21,9 @@ START = Frame(0x000, bytes([1, 0]))
 
 
 def answered(syncs, nodes) -> list[tuple[float, int]]:
-    """Return the end of each answer and its COB-ID.
+    """Return the end time and the COB-ID of each TPDO that the nodes send.
 
-    ``nodes`` answer on a Segment like those of test/wire.py.
+    ``nodes`` behave like the nodes in test/wire.py and send on a Segment.
     """
     segment, ends = Segment(Wire()), []
     segment.on_carried = lambda frame: ends.append((frame.end, frame.frame.can_id))
@@ -57,9 +57,9 @@ def advance(wire, until):
 
 
 def random_world(seed: int) -> tuple[list[float], list[Node]]:
-    """Return the SYNC times and up to four nodes with COB-IDs in any order.
+    """Return random SYNC times, and up to four nodes with COB-IDs in any order.
 
-    The load is 40 to 130 %, with late SYNCs and omitted sweeps.
+    The load of the bus is 40 to 130 %, with late SYNCs and omitted sweeps.
     """
     rng = np.random.default_rng(seed)
     ids = iter(rng.permutation(np.arange(0x101, 0x700)).tolist())
@@ -78,14 +78,17 @@ def random_world(seed: int) -> tuple[list[float], list[Node]]:
 def test_two_models_written_apart_agree_frame_by_frame(seed):
     syncs, nodes = random_world(seed)
     ours = answered(syncs, nodes)
-    _, again = random_world(seed)  # A second set is needed, because a Node remembers its answers.
+    _, again = random_world(seed)  # The second model needs new nodes, because a Node remembers its earlier TPDOs.
     theirs = [(frame.end, frame.can_id) for frame in carried(syncs, again)]
     assert [can_id for _, can_id in ours] == [can_id for _, can_id in theirs]
     np.testing.assert_allclose([end for end, _ in ours], [end for end, _ in theirs], rtol=0, atol=1e-9)
 
 
 class Skin:
-    """Simulated devices of one 16x16 pad each on a segment, configured by hand. Taxels read the number of the sweep."""
+    """Simulated devices on a segment, each with one 16x16 pad and configured by hand.
+
+    The taxels read the number of the sweep.
+    """
 
     def __init__(self, node_ids, **settings):
         self.settings = WireSettings(**{'jitter': 0.0} | settings)
@@ -143,9 +146,9 @@ def test_simulated_devices_keep_the_time_of_the_other_model(node_ids, load):
 
 
 def test_what_the_wire_carries_is_assembled_in_virtual_time():
-    """Two pads use 98 % of a wire with the most stuff bits.
+    """Two pads use 98 % of the wire, with the largest number of stuff bits.
 
-    Each sweep arrives whole, with the bytes of its SYNC.
+    Each sweep must arrive complete, with the values of its own SYNC.
     """
     skin = Skin((32, 64))
     period = (64 * frame_seconds(8) + frame_seconds(0)) / 0.98
@@ -169,7 +172,8 @@ def test_what_the_wire_carries_is_assembled_in_virtual_time():
 
 def test_heartbeats_take_part_in_wire_time():
     skin = Skin((32,))
-    skin.host.put(skin.segment.now, Frame(0x620, bytes.fromhex('2B17100064000000')))  # A heartbeat every 100 ms.
+    # Request for a heartbeat every 100 ms.
+    skin.host.put(skin.segment.now, Frame(0x620, bytes.fromhex('2B17100064000000')))
     begin = skin.segment.now
     skin.segment.run(begin + 10.05)
     beats = [frame for frame in skin.frames if frame.frame == Frame(0x720, b'\x05')]
@@ -184,7 +188,7 @@ def test_a_device_without_supply_leaves_its_sweep_unsent():
     sent = len(skin.frames)
     skin.devices[0].power_off()
     skin.segment.run(skin.segment.now + 1.0)
-    assert 1 < sent < 33 and len(skin.frames) <= sent + 1  # The frame under way is still counted.
+    assert 1 < sent < 33 and len(skin.frames) <= sent + 1  # The frame on the wire at that time is still counted.
 
 
 def test_jitter_delays_each_answer_and_a_seed_repeats_it():
@@ -244,7 +248,7 @@ def test_a_queue_without_room_skips_whole_sweeps_and_takes_the_next():
 
 
 def test_behind_a_gateway_several_hosts_arbitrate():
-    """With priorities, a host with many frames does not delay the SYNC of another host."""
+    """If the gateway sends by priority, a host with many frames does not delay the SYNC of another host."""
     for by_priority, place in ((True, 1), (False, 50)):
         wire = Wire()
         gateway = wire.join(by_priority=by_priority)

@@ -1,6 +1,6 @@
-"""`tactile simulate --pty` in real time, read by a bare client.
+"""`tactile simulate --pty` in real time, read by a plain client.
 
-The client receives the frames that a wire would have carried, and none of them earlier.
+The client must receive the frames that a real wire would have carried, and no frame earlier than on the wire.
 """
 
 import json
@@ -17,14 +17,16 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 NODES = (32, 64)
-#: COB-IDs of each node, in the order in which the node sends them.
+#: COB-IDs of each node's TPDOs, in the order in which the node sends them.
 COB_IDS = [[base + node_id + i for base in bases for i in range(4)]
            for node_id, bases in zip(NODES, ((0x180, 0x280, 0x380, 0x480), (0x380, 0x480, 0x180, 0x280)))]
-#: Of the next frames of both nodes, the lower COB-ID is sent first. The frames of node 64 after 0x4C0 must wait for it.
+#: Expected order on the wire: of the next frames of both nodes, the frame with the lower COB-ID is sent first. The
+#: later frames of node 64 must wait until its frames from 0x4C0 on have been sent.
 IN_ORDER = [base + i for base in (0x1A0, 0x2A0, 0x3A0, 0x3C0, 0x4A0, 0x4C0, 0x1C0, 0x2C0) for i in range(4)]
 BITRATE = 250_000
-TIMEOUT = 60.0  # Time limit on a busy machine [s].
-# Time that a frame of 8 bytes and one without data take with the most stuff bits [s].
+#: Time limit on a busy machine [s].
+TIMEOUT = 60.0
+#: Durations of a frame with 8 bytes and of a frame without data, both with the most stuff bits [s].
 EIGHT = 135 / BITRATE
 NONE = 55 / BITRATE
 DELAY = 0.002  # Delay in seconds.
@@ -33,7 +35,7 @@ pytestmark = pytest.mark.bus
 
 
 class Client:
-    """A program that opens the port, with the process of the skin behind it."""
+    """A program that opens the port of a simulated skin, which runs in another process."""
 
     def __init__(self, folder: Path, *options: str):
         self._report = folder / 'wire.jsonl'
@@ -60,13 +62,16 @@ class Client:
         return found
 
     def start(self) -> None:
-        """Enable all TPDOs and send NMT start. The answer to an SDO request shows that the start was carried."""
+        """Enable all TPDOs and send NMT start.
+
+        The response to a later SDO request shows that the wire has carried the NMT start.
+        """
         for node_id, can_ids in zip(NODES, COB_IDS):
             for number, can_id in enumerate(can_ids):
                 self.send(f't{0x600 + node_id:03X}823{number:02X}1801{can_id & 0xFF:02X}{can_id >> 8:02X}0000')
                 assert self.take(1) == [0x580 + node_id]
         self.send('t00020100')
-        self.send('t6208' + '4000180000000000')  # Read 0x1800 sub 0.
+        self.send('t6208' + '4000180000000000')  # SDO upload of 0x1800 sub 0.
         assert self.take(1) == [0x5A0]
 
     def report(self) -> dict:
@@ -87,7 +92,7 @@ class Client:
 
 
 def _can_ids(read: bytes) -> list[int]:
-    """Return the COB-IDs of the lines that are frames, without boot-up messages."""
+    """Return the COB-IDs of all lines that contain frames, except boot-up messages."""
     return [int(line[1:4], 16) for line in read.split(b'\r') if line[:1] == b't' and line[1:2] != b'7']
 
 
@@ -114,7 +119,10 @@ def test_sweeps_come_in_the_order_of_arbitration_and_never_before_their_time(cli
 
 
 def test_wire_time_can_be_switched_off(tmp_path):
-    """Without the wire, each device sends its whole sweep at once, one after another. No wire is reported."""
+    """Without the simulated wire, each device sends its whole sweep at once, one device after the other.
+
+    Without the wire, the command reports no wire.
+    """
     client = Client(tmp_path, '--no-wire')
     try:
         client.start()

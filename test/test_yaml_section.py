@@ -1,4 +1,4 @@
-"""Layout files: sections that are read by key, and TPDOs that repeat."""
+"""Layout files: sections that are read by key, and repeated TPDOs."""
 
 
 import pytest
@@ -16,7 +16,7 @@ def written(folder, text):
 
 @pytest.mark.parametrize('text, got', [
     ('a: 2026-99-99', 'ValueError'), ('- a list', 'list'), ('a: 1\na: 2', 'twice'), ('a: [', 'line'),
-    # Such a file is not read, because no skin needs its size.
+    # The reader refuses a file of this size, because no skin needs it.
     ('rows: [' + '1, ' * MOST_BYTES + '1]', 'a larger file')],
     ids=['no date', 'a list', 'a key twice', 'cut', 'too large'])
 def test_a_file_that_is_no_mapping_is_refused_by_name(text, got, tmp_path):
@@ -39,7 +39,7 @@ def test_a_value_that_is_no_list_is_refused_by_key(tmp_path):
 
 
 def nested(depth):
-    """Return a few lines whose aliases stand for 9 ** depth values."""
+    """Return a few lines of YAML whose aliases expand to 9 ** depth values."""
     lines = ['a0: &a0 [x, x, x, x, x, x, x, x, x]']
     lines += [f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, depth)]
     return '\n'.join([*lines, f'rows: *a{depth - 1}'])
@@ -49,7 +49,7 @@ def nested(depth):
     ('rows: 0x' + 'F' * 20_000, 100), ('rows: ' + ':'.join(['59'] * 4_000), 100), ('rows: ' + '9' * 5_000, 200),
     (nested(30), 100)], ids=['hexadecimal', 'sexagesimal', 'decimal', 'aliases'])
 def test_a_value_without_end_is_refused_in_a_short_sentence(text, most, tmp_path):
-    """The text of such a value in the error once raised a ValueError, or had 9 ** 30 values."""
+    """In an earlier version, the error message with such a value raised a ValueError or contained 9 ** 30 values."""
     with pytest.raises(ConfigurationError) as refused:
         load_mapping(written(tmp_path, text), 'a skin layout').integer('rows', 1, 1024)
     assert len(refused.value.got) < most
@@ -68,7 +68,10 @@ LOOPS = '''  repeat:
 
 
 def test_the_last_loop_runs_fastest(tmp_path):
-    """The loops give the order in which the device sends. An assembler that expects another order loses sweeps."""
+    """The loops in the layout give the order in which the device sends its TPDOs.
+
+    An assembler that expects another order would lose sweeps.
+    """
     tpdos = load_layout(written(tmp_path, HEAD + ENTRY + LOOPS)).tpdos
     assert [(tpdo.number, tpdo.cob_id.base, tpdo.mapping[0].index, tpdo.mapping[0].subindex, *tpdo.taxels[0][:2])
             for tpdo in tpdos] == [(3, 0x180, 0x2000, 1, 0, 0), (4, 0x187, 0x2000, 3, 0, 1),
@@ -90,8 +93,8 @@ def test_one_loop_needs_no_list_and_may_run_backwards(tmp_path):
     ('{count: 0}', 'tpdos[0].repeat.count'), ('{number: 1}', 'tpdos[0].repeat.count'), ('3', 'tpdos[0].repeat'),
     ('[3]', 'tpdos[0].repeat[0]'), ('[{count: 2, numbers: 1}]', 'tpdos[0].repeat[0].numbers'),
     ('{count: 2, step: [1]}', 'tpdos[0].repeat.step'), ('{count: 2, sub: 1.5}', 'tpdos[0].repeat.sub'),
-    ('[{count: 500}, {count: 500}]', 'tpdos[0].repeat'),  # A node has fewer TPDOs than this.
-    ('{count: 512, number: 1}', 'tpdos[0].repeat'),  # The last TPDO would have number 514.
+    ('[{count: 500}, {count: 500}]', 'tpdos[0].repeat'),  # No node has this many TPDOs.
+    ('{count: 512, number: 1}', 'tpdos[0].repeat'),  # The last TPDO would have the number 514.
     ('{count: 4, number: -1}', 'tpdos[0].repeat'), ('{count: 8, number: 1, cob_id: 0x100}', 'tpdos[0].repeat'),
     ('{count: 3, number: 1, object: 0x7FFF}', 'tpdos[0].repeat'),
     ('{count: 3, number: 1, sub: 127}', 'tpdos[0].repeat'), ('{count: 3, number: 1, sub: -1}', 'tpdos[0].repeat'),
@@ -110,7 +113,7 @@ def test_a_wrong_repeat_is_refused_by_its_key_and_line(loops, key, tmp_path):
     (LOOPS.replace('step: [0, 1]', 'step: [0, 0]'), 'tpdos[0] (TPDO 4).taxels', 9),
     (LOOPS.replace('cob_id: 7', 'cob_id: 7, node: 1'), 'tpdos[0] (node 1, TPDO 4).node', 6)])
 def test_a_repetition_that_breaks_a_rule_is_named(text, key, line, tmp_path):
-    """If the 23rd TPDO of a pad is wrong, the message says that it is the 23rd."""
+    """If the 23rd TPDO of a pad is wrong, the message names the 23rd TPDO."""
     path = written(tmp_path, HEAD + ENTRY + text)
     with pytest.raises(ConfigurationError) as caught:
         load_layout(path)

@@ -1,8 +1,9 @@
 """Two hosts on one machine: network namespaces that are joined by a veth pair, or by a link that a test can disturb.
 
-Each host has its own network, /dev/shm and System V IPC, so that only the link joins the hosts. Otherwise Fast DDS
-would pass data through shared memory, and a cut link would have no effect. The module needs a kernel that allows user
-namespaces, and /dev/net/tun for the link that loses packets. It needs neither root nor netem.
+Each host has its own network, /dev/shm and System V IPC, so that the link is the only connection between the hosts.
+With a common /dev/shm, Fast DDS would pass data through shared memory, and cutting the link would have no effect. The
+module needs a kernel that allows user namespaces, and /dev/net/tun for the link that loses packets. The module needs
+neither root nor netem.
 """
 
 import json
@@ -20,11 +21,11 @@ ENTER = 'nsenter', '--preserve-credentials', '--user', '--net', '--ipc', '--moun
 
 
 class NoHostsError(RuntimeError):
-    """This machine cannot make network namespaces, or the link between them."""
+    """Raised if this machine cannot create network namespaces, or the link between them."""
 
 
 class Host:
-    """A network namespace, held by a process that sleeps."""
+    """A network namespace that exists as long as a sleeping process holds it."""
 
     def __init__(self, address: str, peer: str, inside: 'Host | None' = None):
         self.address, self._peer = address, peer
@@ -57,15 +58,17 @@ class Host:
 
     def popen(self, command: Sequence[str], environment: Mapping[str, str] | None = None,
               **keywords) -> subprocess.Popen:
-        """Start ``command`` on this host, in the folder /. ``environment`` is added to that of the host.
+        """Start ``command`` on this host, in the folder /.
 
-        The process is that of the command, because nsenter replaces itself by the command.
+        The variables in ``environment`` are added to the environment of the host.
+
+        The returned process is that of the command, because nsenter replaces itself by the command.
         """
         return subprocess.Popen([*self.enter(), '--', *command], env=self.environment(**(environment or {})),
                                 **keywords)
 
     def run(self, *command: str) -> str:
-        """Run ``command`` to its end and return its output. Raises NoHostsError if it fails."""
+        """Run ``command`` to its end and return its output. Raises NoHostsError if the command fails."""
         done = subprocess.run([*self.enter(), '--', *command], capture_output=True, text=True, check=False)
         if done.returncode:
             raise NoHostsError(f'{" ".join(command)}: {done.stderr.strip()}')
@@ -77,7 +80,7 @@ class Host:
 
 
 class Hosts:
-    """Context with two hosts, ``first`` and ``second``, joined by a veth pair. Raises NoHostsError."""
+    """Context manager for two hosts, ``first`` and ``second``, joined by a veth pair. Raises NoHostsError."""
 
     def __init__(self):
         self._stack = ExitStack()
@@ -118,7 +121,7 @@ class Hosts:
 
 
 class LossyHosts(Hosts):
-    """Two hosts joined by a relay between two tun interfaces. ``set`` disturbs the link."""
+    """Two hosts joined by a relay between two tun interfaces. The method ``set`` disturbs the link."""
 
     def _join(self, stack: ExitStack) -> None:
         words = [sys.executable, str(RELAY), str(self.second.pid)]
@@ -127,17 +130,17 @@ class LossyHosts(Hosts):
         self._relay = self.first.popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         stack.callback(self._end_relay)
         if not self._answer().get('ready'):
-            raise NoHostsError('no tun interface: is /dev/net/tun there?')
+            raise NoHostsError('the tun interface could not be created; check that /dev/net/tun exists')
 
     def _end_relay(self) -> None:
         self._relay.kill()
         self._relay.wait()
 
     def set(self, *, loss: float = 0.0, delay: float = 0.0, jitter: float = 0.0) -> None:
-        """Change the link in both directions.
+        """Change the properties of the link in both directions.
 
-        ``loss`` is the share of lost packets, 0 to 1. ``delay`` is the delay of each packet [s]. ``jitter`` changes
-        each delay by up to this time, uniformly [s], so that packets overtake each other.
+        ``loss`` is the fraction of lost packets, from 0 to 1. ``delay`` is the delay of each packet [s]. ``jitter`` is
+        the largest change of a packet's delay, uniformly distributed [s], so that packets overtake each other.
         """
         assert self._relay.stdin
         self._relay.stdin.write(json.dumps({'loss': loss, 'delay': delay, 'jitter': jitter}) + '\n')

@@ -1,4 +1,4 @@
-"""Compute the frames of a robot from its description like robot_state_publisher, independently of the package."""
+"""Computes the frames of a robot from its description like robot_state_publisher, but independently of the package."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -21,7 +21,7 @@ class Joint(NamedTuple):
 
 
 def expand(name: str) -> ElementTree.Element:
-    """Expand a xacro file of urdf/, or the given text as if it were in that folder."""
+    """Expand a xacro file in urdf/, or the given text as if it were in that folder."""
     document = xacro.process_file(str(URDF / name))
     return ElementTree.fromstring(document.toxml())
 
@@ -32,7 +32,7 @@ def joints(robot: ElementTree.Element) -> list[Joint]:
 
 
 def transform(joint: Joint, positions: dict[str, float]) -> np.ndarray:
-    """Return the place of the joint's child in its parent, (4, 4)."""
+    """Return the transform from the joint's child to its parent, (4, 4)."""
     moved = np.eye(4)
     if joint.kind == 'prismatic':
         moved[:3, 3] = joint.axis * positions[joint.name]
@@ -40,7 +40,7 @@ def transform(joint: Joint, positions: dict[str, float]) -> np.ndarray:
 
 
 def place(robot: ElementTree.Element, link: str, positions: dict[str, float]) -> np.ndarray:
-    """Return the place of ``link`` in the root link, (4, 4)."""
+    """Return the transform from ``link`` to the root link, (4, 4)."""
     above = {joint.child: joint for joint in joints(robot)}
     found = np.eye(4)
     while link in above:

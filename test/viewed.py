@@ -1,4 +1,4 @@
-"""Pads for tests of the views: states made by hand, and a source that the test controls."""
+"""Pads for tests of the viewers: hand-made states, and a source that the test controls."""
 
 import time
 
@@ -29,7 +29,10 @@ def state(pad='left', stamp=100.0, shape='square', values=None, acquired=None, *
 
 
 class HandSource:
-    """A source whose store the test fills. ``begun`` and ``ended`` count the calls of `start` and `stop`."""
+    """A source of a viewer whose store the test fills.
+
+    ``begun`` and ``ended`` count the calls of `start` and `stop`.
+    """
 
     player = None
     title = 'by hand'
@@ -55,7 +58,7 @@ class HandSource:
 
 
 def until(is_reached, seconds=20.0):
-    """Wait until ``is_reached`` returns True, because of another thread, node or process."""
+    """Wait until another thread, node or process makes ``is_reached`` return True."""
     end = time.monotonic() + seconds
     while not is_reached() and time.monotonic() < end:
         time.sleep(0.02)

@@ -16,21 +16,21 @@ from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
-CODES = 251               #: The TPDOs of a sweep contain its number modulo CODES, plus 1.
+CODES = 251               #: The value in all TPDOs of a sweep is the number of the sweep modulo CODES, plus 1.
 ADAPTER = 0.0005  #: Longest delay of a frame in an adapter [s].
-TIMEOUT = 0.002  #: Time for which a read waits for bytes [s].
+TIMEOUT = 0.002  #: Time limit of a read that waits for bytes [s].
 HOST, WIRE = 'stamps of the host', 'stamps of the wire'
 
 
 class Pad(NamedTuple):
-    """A pad with its nodes."""
+    """A pad together with its nodes."""
 
     layout: str
     node_ids: tuple[int, ...]
 
 
 class Seen(NamedTuple):
-    """Results of one pad: numbers of whole sweeps, numbers of sweeps that all nodes answered, and wrong frames."""
+    """Results for one pad: numbers of the whole sweeps, numbers of the sweeps that all nodes answered, wrong frames."""
 
     whole: list[int]
     answered: list[int]
@@ -48,10 +48,10 @@ def period_at(load: float, pads: Sequence[Pad]) -> float:
 
 def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: float = 0.0, seed: int = 0,
            first_skips: Callable[[int], bool] | None = None, chatter: Sequence[Node] = (), **of_nodes) -> list[Seen]:
-    """Let the nodes answer ``syncs`` on one wire, and return what the driver receives from each pad.
+    """Let the nodes answer ``syncs`` on one wire, and return the CAN frames that the driver receives from each pad.
 
-    ``lost`` is the share of TPDOs that are not received. ``first_skips`` returns True for the sweeps that the first pad
-    skips. ``chatter`` are nodes that belong to no pad.
+    ``lost`` is the fraction of TPDOs that are not received. ``first_skips`` returns True for the sweeps that the first
+    pad skips. ``chatter`` contains nodes that belong to no pad.
     """
     rng = np.random.default_rng(seed)
     layouts = [load_layout(pad.layout) for pad in pads]
@@ -72,7 +72,7 @@ def played(pads: Sequence[Pad], syncs: Sequence[float], clock: str, *, lost: flo
 
 
 class Receiver:
-    """The part of the driver that makes taxel frames from CAN frames, with its results."""
+    """The part of the driver that turns CAN frames into taxel frames, together with its results."""
 
     def __init__(self, pads: Sequence[Pad], clock: str):
         self._pads = [PadSettings(str(place), pad.node_ids, load_layout(pad.layout)) for place, pad in enumerate(pads)]
@@ -81,7 +81,7 @@ class Receiver:
                              foreign_sync=False, one_clock=clock == WIRE, bitrate=round(1 / BIT))
         self._tpdos = {tpdo.cob_id.of(pad.node_ids[tpdo.node]): (pad.layout, tpdo.length)
                        for pad in self._pads for tpdo in pad.layout.tpdos}
-        self._numbers: dict[float, int] = {}  # number of each SYNC by its stamp
+        self._numbers: dict[float, int] = {}  # maps the stamp of each SYNC to its number
 
     def sync(self, stamp: float, number: int) -> None:
         self._numbers[stamp] = number
@@ -112,14 +112,14 @@ class Receiver:
 
 
 class Wire:
-    """SocketCAN: frames are stamped at their end on the wire, and own frames (SYNC) are not received."""
+    """For SocketCAN, a frame is stamped at its end on the wire, and the driver does not receive its own SYNC."""
 
     def __init__(self, receiver: Receiver, period: float):
         self._receiver = receiver
         self._pause = SyncPause(period)
 
     def is_pause_wanted(self, now: float) -> bool:
-        """Return True if the driver would skip the SYNC that is due now."""
+        """Return True if the driver would skip the SYNC that is due at this time."""
         self.read(now)
         return self._pause.is_due(self._receiver.router.is_in_doubt)
 
@@ -134,14 +134,18 @@ class Wire:
 
 
 class Adapter(Wire):
-    """slcan: SYNC is stamped when it is sent; other frames when they are read, all waiting frames at once."""
+    """For slcan, a SYNC is stamped when it is sent.
+
+    For slcan, all other waiting frames are stamped together when they are read.
+    """
 
     def __init__(self, receiver: Receiver, period: float, rng: np.random.Generator):
         super().__init__(receiver, period)
         self._rng = rng
-        self._here: deque[tuple[float, Carried]] = deque()  # time from which each frame can be read
-        self._last = 0.0  # arrival of the last frame
-        self._free = self._asked = 0.0  # earliest begin of the next read; begin of the last read
+        # Pairs of the time from which a frame can be read and the frame.
+        self._here: deque[tuple[float, Carried]] = deque()
+        self._last = 0.0  # arrival time of the last frame [s]
+        self._free = self._asked = 0.0  # earliest begin of the next read, and begin of the last read
 
     def sync(self, frame: Carried) -> None:
         self.read(frame.offered)
@@ -155,7 +159,7 @@ class Adapter(Wire):
         while self._here and max(self._free, self._here[0][0]) <= until:
             empty_at, self._asked = self._asked, self._free
             first = self._here[0][0]
-            if first > self._asked:  # no frame waits, so the read is repeated after each TIMEOUT
+            if first > self._asked:  # while no frame waits, the read is repeated after each TIMEOUT
                 empty_at = self._asked = self._asked + (first - self._asked) // TIMEOUT * TIMEOUT
             read = max(self._asked, first)
             while self._here and self._here[0][0] <= read:
@@ -171,7 +175,7 @@ def rising(times: np.ndarray) -> np.ndarray:
 
 @cache
 def coded(code: int, bits: int, byte_order: str) -> bytes:
-    """Return eight bytes in which every value of ``bits`` bits is ``code``."""
+    """Return eight bytes in which every group of ``bits`` bits has the value ``code``."""
     if byte_order == 'little':
         word = sum(code << place for place in range(0, 64 - bits + 1, bits))
         return word.to_bytes(8, 'little')
@@ -180,7 +184,7 @@ def coded(code: int, bits: int, byte_order: str) -> bytes:
 
 
 def random_world(pads: Sequence[Pad], clock: str, seed: int, count: int = 200) -> list[Seen]:
-    """Play a world with 60 to 105 % load, late SYNCs, answers within 15 % of a sweep, lost TPDOs and skipped sweeps."""
+    """Simulate a load of 60 to 105 %, late SYNCs, answers within 15 % of a sweep, lost TPDOs and skipped sweeps."""
     rng = np.random.default_rng(seed)
     shortest = period_at(1.0, pads)
     loads = np.repeat(rng.uniform(0.6, 1.05, count // 20 + 1), 20)[:count]
