@@ -1,4 +1,4 @@
-"""Draw the paper's figures again and measure its claims again, as a page and as CSV: `make reproduce`.
+"""Reproduce the figures and the claims of the paper, as a page and as CSV files: `make reproduce`.
 
     python bench/reproduce.py --output DIR [--patterns N] [--training N] [--seed N] [--jobs N] [--curves FILE]
 """
