@@ -5,8 +5,8 @@ Run `make bench`, or: python bench/bench_calibration.py [--count 60] [--validati
 The calibration uses the same search as `tactile calibrate`. Rigid punches press an elastic half-space. The skins differ
 in the depth of their taxels and in the curve that converts pressure to a reading.
 
-The option --edges prints how much the rounding of an object's edge changes its fitted size. A calibration must know the
-rounding of its disc for this reason.
+The option --edges prints how much the rounding of an object's edge changes its fitted size. For this reason, a
+calibration must know the rounding of its disc.
 """
 
 import argparse

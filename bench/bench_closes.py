@@ -1,9 +1,9 @@
-"""Count the outcomes of fault-free closing goals of the gripper node, with the stages in one or several processes.
+"""Count how closing goals of the gripper node end if nothing fails, with the stages in one or several processes.
 
 Two simulated pads press an object with about 10 N and measure --rate frames per second. A simulated gripper executes
-every command. Each closing goal has a force limit of 19 N and should therefore end as REACHED. The skin, the stages,
-the gripper and the gripper node run in separate processes. If the grasp is too old, the gripper node stops the gripper
-and ends the goal as NOT_SEEN after half a second.
+every command. Each closing goal has a force limit of 19 N, well above 10 N, and should therefore end as REACHED. The
+skin, the stages, the gripper and the gripper node run in separate processes. If the grasp is too old, the gripper node
+stops the gripper and ends the goal as NOT_SEEN after half a second.
 
 Grasps are late on a busy machine. The script therefore also prints the CPU load of all other processes.
 

@@ -43,7 +43,7 @@ FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
 OWN_SESSION = ('hold', 'sensor')  #: Columns that need a separate session, with other parameters or another world.
 ENDS = ('held', 'dropped', 'broken', 'refused')  #: A start is refused if the planner gives up before the squeeze.
 SPEEDS = 0.005, 0.02, 0.05  # closing speeds [m/s]
-REPEATS = 5  # number of times that each start closes per speed and force limit
+REPEATS = 5  # number of closing goals per start, speed and force limit
 LIMIT = 3.0  # force limit [N]
 OPENED = 0.055  # gap to which the gripper opens [m]
 FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
@@ -246,7 +246,7 @@ def film(args: argparse.Namespace, link: Path) -> None:
         images.append(Image.new('RGB', (660, 360)))
         images[-1].paste(Image.fromarray(render(world)).resize((480, 360)), (0, 0))
         images[-1].paste(pads, (480, 0))
-    palette = images[-1].quantize(96)  # only the last image is sure to show the colours of pressed pads
+    palette = images[-1].quantize(96)  # the last image contains the colours of pressed pads
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     images[0].save(args.film, save_all=True, append_images=images[1:], duration=round(1e3 / FRAME_RATE), loop=0)
 

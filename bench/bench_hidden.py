@@ -39,7 +39,7 @@ from training.ground_truth.seeds import Purpose, generator
 PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01)
 AREAS, TPDO, SURE = (12, 100), 8, 0.9
 PAD, PAD_TPDOS, LOST_AREAS, LOST_CONTACTS, LOST_SEED = 16, 32, (40, 100), 500, 34_000
-LITTLE = 0.15  #: Few taxels are hidden if the hidden share of the contact and the taxels around it is below this.
+LITTLE = 0.15  #: Upper limit for few hidden taxels, as a share of the contact and the taxels around it.
 LITTLE_CONTACTS = 2000
 LITTLE_MISSING = (1, 10)  #: Smallest and largest number of missing TPDOs.
 LITTLE_SEED = 35_000
@@ -93,7 +93,7 @@ def lost_tpdos() -> None:
 
 
 def little_hidden() -> None:
-    """Print how many contacts are recognised with a hidden share below LITTLE, and how many without hidden taxels."""
+    """Print the rates for contacts with a hidden share below LITTLE, and for the same contacts fully visible."""
     recogniser = make_recogniser()
     print(f'\n| less than {LITTLE:.0%} hidden | contacts | right | right, all seen | wrong and sure |\n'
           + '| --- ' * 5 + '|')

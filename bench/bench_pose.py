@@ -14,7 +14,7 @@ from pathlib import Path
 from time import process_time
 
 for library in ('OPENBLAS', 'OMP', 'MKL'):
-    os.environ[f'{library}_NUM_THREADS'] = '1'  # read when numpy is imported
+    os.environ[f'{library}_NUM_THREADS'] = '1'  # numpy reads these variables when it is imported
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
@@ -85,7 +85,7 @@ class Fitted:
         self.handedness = [same_handedness(fit, sample.contact) for fit, sample in pairs]
 
     def distances(self) -> np.ndarray:
-        """Return the squared Mahalanobis distance of the truth, divided by that of the edge of the 95 % region."""
+        """Return the squared Mahalanobis distance of the truth, in units of the edge of the 95 % region."""
         vectors = [each.vector for each in self.errors]
         squared = [vector @ np.linalg.solve(fit.covariance, vector) for fit, vector in zip(self.fits, vectors)]
         return np.array(squared) / chi2.ppf(0.95, len(vectors[0]))

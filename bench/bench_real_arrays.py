@@ -58,7 +58,7 @@ class Answer(NamedTuple):
 def answers(labelled: list[Labelled], data: Path, weights: str, network: bool) -> list[Answer]:
     recogniser = make_recogniser(file=weights)
     if network:
-        recogniser = recogniser._method  # the network without the rules that are applied before it
+        recogniser = recogniser._method  # keep only the network, without the rules that run before it
     frames = read_frames(labelled[0].array, data, [one.frame for one in labelled])
     return [Answer(one, recogniser.recognise(PatternExtractor().extract(frame)))
             for one, frame in zip(labelled, frames)]

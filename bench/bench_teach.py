@@ -129,7 +129,7 @@ def computed(rng: np.random.Generator, silhouette: Silhouette, count: int,
 
 
 def punch_of(silhouette: Silhouette, compression: float, rounding: float) -> Indenter:
-    """Return a prism with this silhouette and area 1, whose edge has a radius of ``rounding``."""
+    """Return a prism with this silhouette and an area of 1, whose edge is rounded with the radius ``rounding``."""
     upright = Figure(silhouette, 1.0, x=0.0, y=0.0)
     rows, cols = (silhouette.distance > 0).nonzero()
     x, y = (cols - silhouette.middle[0]) * upright.cell, (rows - silhouette.middle[1]) * upright.cell

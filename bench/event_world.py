@@ -1,4 +1,4 @@
-"""Simulate contacts that are held, slide or turn by contact mechanics, for bench_events.py."""
+"""Simulate contacts that are held, slide or turn, for bench_events.py, with the methods of contact mechanics."""
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
@@ -61,7 +61,7 @@ class Scene:
     def values(self, time: float, dx: float, dy: float, turn: float, force: float) -> np.ndarray:
         """Return the taxel values of the contact.
 
-        ``dx``, ``dy`` [pitches] and ``turn`` [rad] displace the contact. ``force`` multiplies its force.
+        ``dx``, ``dy`` [pitches] and ``turn`` [rad] displace the contact. ``force`` multiplies the force of the contact.
         """
         stress = sample(self._field, self._x + dx, self._y + dy, self._angle + turn, SIDE, SIDE)
         drift, noise = time / 600, NOISE * self._rng.standard_normal(stress.shape)

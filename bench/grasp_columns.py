@@ -34,7 +34,7 @@ SHAKE = 1.0         #: Acceleration of the shake [g].
 CLEARANCE = 0.012   #: Extra opening while the hand is corrected [m].
 PULL_SPEED = 0.003  #: Speed of the pull [m/s].
 PULL_TIME = 12.0    #: Duration of the pull, long enough for the item to leave the pads [s].
-BEYOND = 1.3        #: Load on the item while pulled, as a multiple of the friction that both pads provide at FORCE.
+BEYOND = 1.3        #: Load on the pulled item, as a multiple of the friction that both pads provide at FORCE.
 AFTER = 0.5         #: Pause after the shake or pull [s].
 TRIES = 4           #: Largest number of closing attempts. Each attempt starts with an open gripper.
 UNSEEN = ('NOT_SEEN', 'FORCE_NOT_KNOWN', 'LOST')
@@ -44,7 +44,7 @@ Record = dict[str, Any]
 
 
 def grasped(session: Session, column: str, item: Item, place: Place, is_pulled: bool = False) -> Record:
-    """Put ``item`` at ``place``, close the gripper, lift, and shake or pull. Return the record of this start."""
+    """Put ``item`` at ``place``, close, lift, and shake or pull the item; return the record of this start."""
     world = session.world
     session.place(place)
     begin, left_out = time.monotonic(), world.left_out
@@ -162,7 +162,7 @@ def _turned(vector: np.ndarray, angle: float) -> np.ndarray:
 
 
 def belief(grasp: Grasp, session: Session, item: Item) -> Record:
-    """Return the reported class, and the errors of size [mm], place [mm] and yaw [degrees], except for bounds."""
+    """Return the reported class, and the errors of size [mm], place [mm] and yaw [degrees] unless they are bounds."""
     pose, sides = session.world.item_in('left'), np.array(item.face.dimensions[:len(grasp.dimensions)])
     believed: Record = {'class': grasp.class_name, 'confidence': grasp.confidence}
     if not grasp.line_is_bound:

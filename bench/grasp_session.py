@@ -1,4 +1,4 @@
-"""Test bench for bench_grasps.py, which grasps a single item.
+"""Test bench in which bench_grasps.py grasps one item.
 
 The physics, the skin, the gripper's action server and the planner node run in this process. The programs `tactile
 bringup` and `touch_gripper` run in their own processes, as on a robot. The simulation runs in real time and needs a
@@ -45,7 +45,7 @@ TIMEOUT = 60.0  #: Longest wait for a condition [s].
 LOOK = 0.005    #: Time between two checks of a condition [s].
 #: Longest wait for the end of a goal [s]. If an item rocks between the pads, the gripper's own action never ends.
 PATIENCE = 30.0
-#: Threshold for the highest reading of a touched pad [Pa]. The nodes may find a contact even below the noise floor.
+#: A pad counts as touched from this reading on [Pa]. The nodes may find a contact even below the noise floor.
 FELT = 2 * NOISE * FULL_SCALE
 
 

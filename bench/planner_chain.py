@@ -1,4 +1,4 @@
-"""Run the functions of the nodes, from taxels to the grasp message, without nodes and with a simulated clock."""
+"""Process taxels into grasp messages with the functions of the nodes, but with a simulated clock and no nodes."""
 
 import numpy as np
 

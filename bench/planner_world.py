@@ -134,7 +134,7 @@ def _pressed(placed: Placed, side: int) -> tuple[np.ndarray, float]:
 
 
 def foundation(height: np.ndarray, force: float) -> tuple[np.ndarray, float]:
-    """Return the taxel pressures [Pa], and the height of the skin at which it carries ``force`` [N].
+    """Return the taxel pressures [Pa], and the height at which the skin carries ``force`` [N].
 
     ``height`` is the height of the object towards the skin [m], at FINE points per taxel in each direction. Points
     beside the object have the height -inf.

@@ -38,7 +38,7 @@ from training.ground_truth.seeds import Purpose, generator
 from training.mechanics import solution_pool
 
 SEED = 950_000
-TILT = 0.4            #: Largest tilt. With more tilt, errors appear that the fit's model does not cause.
+TILT = 0.4            #: Largest tilt. Larger tilts cause errors that the fit's model does not explain.
 AREAS = 22.0, 130.0   #: Range of the log-uniform contact areas [taxels].
 OUTLIERS = 4.0        #: Residuals beyond this many robust standard deviations are ignored.
 TERMS = len(ModelError._fields) - 1

@@ -92,7 +92,7 @@ def by_moments(sample: Sample) -> np.ndarray:
 
 
 def by_rectangle(sample: Sample) -> np.ndarray:
-    """Return parameters of the shape, with dimensions from the smallest rectangle around the contact's taxels."""
+    """Return the shape's parameters, with dimensions from the smallest rectangle around the contact's taxels."""
     rows, cols = np.nonzero(sample.mask)
     squares = np.concatenate([np.column_stack((cols + dx, rows + dy)) for dx in (-.5, .5) for dy in (-.5, .5)])
     hull = squares[spatial.ConvexHull(squares).vertices]

@@ -48,7 +48,7 @@ from tactile_node.sources.log_source import summary
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
-NODES, LAYOUT, TPDOS = (32, 64), 'sim16x16.yaml', 32  #: the number of TPDOs counts one sweep of one node
+NODES, LAYOUT, TPDOS = (32, 64), 'sim16x16.yaml', 32  #: TPDOS is the number of TPDOs in a sweep of one node
 FULL_LOAD = 115.0  #: Sweeps per second that fill the bus.
 PERCENTILES = (50, 99, 99.9, 100)
 SENDER_LATE = ('p50', 'p99', 'max')
@@ -102,7 +102,7 @@ class SkinProcess:
             sys.exit('the simulated skin has not started')
 
     def report(self) -> WireReport:
-        """Return the traffic report since the previous call."""
+        """Return a report about the bus traffic since the previous call."""
         self._process.send_signal(signal.SIGUSR1)
         end = time.monotonic() + REPORT_TIMEOUT
         while time.monotonic() < end:

@@ -19,7 +19,7 @@ WITHOUT = frozenset({'foreign', 'noise'})  #: Pools to skip, because the anchors
 
 
 def train_anchors(folder: Path, share: float, epochs: float, jobs: int, say: Callable[[str], None]) -> dict[bool, list]:
-    """Train the CNN and the trees for both kinds of frames, and return them in a dict with the key ``on_off``.
+    """Return the trained CNN and trees, in a dict with the keys True for on/off frames and False for pressures.
 
     Parameters
     ----------

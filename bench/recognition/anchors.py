@@ -1,8 +1,8 @@
 """The anchors are two methods that an integrator would choose today: a small CNN, and trees on contour features.
 
 The anchors get the same contact patch as our method, with standard place, level and orientation and with torn pieces
-joined. The patch gives the anchors an advantage, because they contain no step that would make it. The anchors also
-train on the same samples as our method.
+joined. This patch is an advantage for the anchors, which do not include such a preparation. The anchors also train on
+the same samples as our method.
 """
 
 from typing import NamedTuple
@@ -21,7 +21,7 @@ TREES = 300
 
 
 class SmallCnn(nn.Module):
-    """Network with three convolutions, pooling and two dense layers, and with about 0.5 million weights."""
+    """Network with three convolutions, pooling, two dense layers and about 0.5 million weights."""
 
     def __init__(self):
         super().__init__()
@@ -73,7 +73,7 @@ class Cnn:
 class Single(NamedTuple):
     """One prepared frame, used to measure the time of an anchor."""
 
-    image: torch.Tensor  #: (1, 2, SIDE, SIDE)
+    image: torch.Tensor  #: tensor of shape (1, 2, SIDE, SIDE)
     level: np.ndarray    #: uint8, (SIDE, SIDE)
     scale: float
 

@@ -1,4 +1,4 @@
-"""Measure from the frames of an array how the array changes contacts, as named quantities."""
+"""Measure how an array changes the contacts on it, as a set of named quantities."""
 
 from collections import defaultdict
 from collections.abc import Iterable

@@ -51,7 +51,7 @@ def draw(rng: np.random.Generator, number: int, area: float, gap: float) -> Pad:
 
 
 def _dense(corners: np.ndarray) -> np.ndarray:
-    """Return points on the edges of a polygon, with 40 points per edge, or 2 for a polygon of many edges."""
+    """Return points on the edges of a polygon, with 40 points per edge, or 2 if the polygon has more than 8 edges."""
     share = np.linspace(0, 1, 40 if len(corners) < 9 else 2, endpoint=False)[:, np.newaxis, np.newaxis]
     return (corners * (1 - share) + np.roll(corners, -1, 0) * share).reshape(-1, 2)
 

@@ -31,7 +31,7 @@ CLEAN = 'clean'
 #: Increase this number for each new report. Evaluation seeds serve only one report, because reports lead to changes.
 ROUND = 7
 PUNCHES, PUNCH_AREAS = 'flat punches', (12, 25, 50, 100)
-FEWER = 10           #: Number of flat punches per indenter of each other kind.
+FEWER = 10           #: Factor by which flat punches are more frequent than each other kind of indenter.
 DEVELOPMENT = 500    #: Round of the development seeds, which are never reported.
 #: Deviations from the nominal conditions, for both kinds of frames.
 FIELD: dict[str, dict] = {
@@ -151,11 +151,11 @@ def recorded(name: str) -> tuple[np.ndarray, list[np.ndarray]]:
 
 
 def _events(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Read lines "stamp row column pressed", stamped by polls of the array at its usual rate of 16 Hz [ms]."""
+    """Read lines "stamp row column pressed". The stamps [ms] assume the array's usual polling rate of 16 Hz."""
     events = np.loadtxt(path, int)
     stamps, polls = np.unique(events[:, 0], return_inverse=True)
     frames = np.zeros((len(stamps), 64, 64))
-    for poll, (_, row, col, pressed) in zip(polls, events):  # the taxel keeps this state from this poll on
+    for poll, (_, row, col, pressed) in zip(polls, events):  # the state of the taxel holds from this poll on
         frames[poll:, row, col] = pressed
     return stamps * 1e-3, list(frames)
 

@@ -20,7 +20,7 @@ def rate_of(right: np.ndarray) -> teach.Rate:
 
 
 def calibration_error(confidence: np.ndarray, right: np.ndarray, bins: int = 15) -> float:
-    """Return the expected calibration error, the mean gap between confidence and rate over ``bins`` equal bins."""
+    """Return the expected calibration error, which is the mean gap between confidence and rate in equal ``bins``."""
     which = np.minimum((confidence * bins).astype(int), bins - 1)
     gaps = [abs(confidence[which == b].mean() - right[which == b].mean()) * (which == b).sum()
             for b in range(bins) if (which == b).any()]

@@ -67,7 +67,7 @@ def text(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def gear(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a gear, with or without a bore, that has four to nine teeth of any slope and 0.25 to 0.5 radii long."""
+    """Draw a gear with four to nine teeth of any slope, 0.25 to 0.5 radii long, and with or without a bore."""
     teeth, depth, flank = rng.integers(4, 10), rng.uniform(0.25, 0.5), rng.uniform(1.2, 6)
     wave = np.clip(flank * np.cos(teeth * np.arctan2(y, x)) + rng.uniform(-0.4, 0.4), -1, 1)
     distance = np.hypot(x, y)
@@ -76,7 +76,7 @@ def gear(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def crescent(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a disc without the part under a second disc, with 0.7 to 0.95 of its radius and 0.4 to 0.6 radii away."""
+    """Draw a disc minus a second disc, whose radius is 0.7 to 0.95 and whose centre is 0.4 to 0.6 radii away."""
     moved, radius = REACH * rng.uniform(0.4, 0.6), REACH * rng.uniform(0.7, 0.95)
     return _disc(x, y, (0, 0), REACH) & ~_disc(x, y, (moved, 0), radius)
 

@@ -37,7 +37,7 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float, size=None):
 
 
 def _graded(rng: np.random.Generator, active: np.ndarray) -> Idle:
-    """Return an on/off pad in half of the cases, otherwise active taxels with random levels, equal or different."""
+    """Return an on/off pad in half of the cases, and otherwise a pad with equal or different random levels."""
     if rng.random() < 0.5:
         return Idle(active)
     own = rng.uniform(0.2, 1.0, active.shape[1:]) if rng.random() < 0.5 else rng.uniform(0.1, 1.0)
@@ -94,7 +94,7 @@ def stuck(rng: np.random.Generator, frames: int, side: int) -> Idle:
 
 
 def flickering(rng: np.random.Generator, frames: int, side: int) -> Idle:
-    """Draw 0.5 to 12 % flickering taxels, each with its own duty cycle and rate, up to taxels that nearly stay on."""
+    """Draw flickering taxels, 0.5 to 12 % of all taxels, with different duty cycles and rates. Some always stay on."""
     chosen = _chosen(rng, (side, side), _log_uniform(rng, 0.005, 0.12))
     duty, stay = rng.uniform(0.1, 1.0, (side, side)), rng.uniform(0, 0.95, (side, side))
     on = np.empty(_shape(frames, side), bool)
