@@ -75,5 +75,5 @@ ITEMS: Mapping[str, Item] = MappingProxyType({
 def item_of(name: str) -> Item:
     """Return the item called ``name``. Raises InputError for an unknown name."""
     if name not in ITEMS:
-        raise InputError('item', expected=f'one of {", ".join(ITEMS)}', got=repr(name), remedy='Use one of them.')
+        raise InputError('item', expected=f'one of {", ".join(ITEMS)}', got=repr(name), remedy='Name a listed item.')
     return ITEMS[name]
