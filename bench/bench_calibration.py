@@ -34,6 +34,7 @@ from training.ground_truth.seeds import Purpose, generator
 
 SEED = 70_000_000
 DEPTHS = (0.35, 0.8)  #: Depths of the taxels [pitches].
+
 #: Curves that convert pressure to a reading, both as fractions of full scale.
 CURVES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     'proportional': lambda p: p, 'power 0.6': lambda p: p ** 0.6, 'power 1.3': lambda p: p ** 1.3,

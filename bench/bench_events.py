@@ -30,6 +30,7 @@ from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from training.ground_truth.seeds import Purpose, generator
 
 SPEEDS = (0.5, 2.0, 10.0, 20.0, 50.0, 100.0)  #: Speeds of the contacts [mm/s].
+
 #: Largest movement before a report, as promised in docs/events.md [pitches].
 PROMISED = {'outline': 0.3, 'centre of pressure': 0.8, 'on/off': 1.5}
 #: Length of a slide [pitches].
@@ -38,6 +39,7 @@ PROMISED_BY = dict(zip((SeenBy.OUTLINE, SeenBy.CENTRE_OF_PRESSURE, SeenBy.ON_OFF
 #: Kinds of contacts whose rotation can be seen.
 TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))
 MINUTES_OF_ONE = 10.0  #: Duration of holding per false report of the naive rule [min].
+
 #: Increased by a million after each change that a report has caused, so that the next report uses new seeds.
 SEED = 73_000_000
 #: Movements before a report [pitches], by way of seeing the contact and by speed.

@@ -44,7 +44,7 @@ from training.ground_truth.seeds import Purpose
 
 
 class Clock:
-    """Prefixes each progress message with the seconds since the start, and prints it."""
+    """Prints progress messages, each with the seconds since the start in front."""
 
     def __init__(self):
         self._begin = perf_counter()

@@ -26,6 +26,7 @@ from examples.simulated_gripper.world import GRAVITY, SIDES, Outcome, Place
 from tactile_skin.msg import Grasp
 
 FORCE = 5.0         #: Closing force for all items, chosen with validation seeds [N].
+
 #: Light closing force [N]. With less force, the contact of an oblique face is too narrow to show its direction.
 TOUCH = 2.0
 SQUEEZE = 0.01      #: Distance by which the goal of a blind planner is smaller than the item's width [m].

@@ -43,6 +43,7 @@ HOLD: Mapping[str, Any] = MappingProxyType({
     **PARAMETERS, 'hold': True, 'slide_force_step': 1.0, 'hold_travel': 0.02, 'highest_force': 9.0})
 TIMEOUT = 60.0  #: Longest wait for a condition [s].
 LOOK = 0.005    #: Time between two checks of a condition [s].
+
 #: Longest wait for the end of a goal [s]. If an item rocks between the pads, the gripper's own action never ends.
 PATIENCE = 30.0
 #: A pad counts as touched from this reading on [Pa]. The nodes may find a contact even below the noise floor.

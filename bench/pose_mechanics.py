@@ -26,6 +26,7 @@ from training.ground_truth.seeds import Purpose, generator
 AREAS = (25, 50, 100)
 FLAT, CUT = 'flat punches', 'flat punches over the edge'
 MOST_CUT = 1 / 3  #: Largest share of a contact that lies beyond the pad's edge.
+
 #: Increased by a million after each change that a report has caused, so that the next report uses new seeds.
 SEED = 61_000_000
 

@@ -6,7 +6,7 @@
                                              # height; needs the opening of the gripper
 
 The collision object covers only the visible part of the held object: the outline of the contact, extended along the
-pad's normal. Let MoveIt add padding for the parts beyond the contact. If a required value is unknown, the functions
+pad's normal. Let MoveIt add padding for any parts beyond the contact. If a required value is unknown, the functions
 make no collision object and raise NoObjectError (see Refusal).
 """
 
@@ -27,7 +27,7 @@ class Refusal(IntEnum):
     NO_HEIGHT = 3       # the height is neither given nor in the message
     NOT_HELD = 4        # the grasp is not fresh, not two-sided or not stable
     WIDTH_NOT_KNOWN = 5  # the opening of the gripper is unknown
-    OTHER_SHAPES = 6    # the sides report different shapes, so that the object is no prism
+    OTHER_SHAPES = 6    # the sides report different shapes, so that the object is not a prism
     HOLLOW = 7          # the contact is a ring or a frame, whose inside may be hollow or solid
     OTHER_TIME = 8      # the message with the sides belongs to another grasp
 
@@ -48,14 +48,13 @@ def collision_object(shape, object_id: str, height: float | None = None) -> Coll
     shape
         ContactShape message.
     object_id
-        Id of the collision object.
-    height
-        Height of the object [m], or None to use the height of the solid in the message.
+        Id of the collision object. height Height of the object [m], or None to use the height of the solid in the
+        message.
 
     Raises
     ------
     NoObjectError
-        If the message does not describe a complete object.
+        Raised if the message does not describe a complete object.
     """
     codes = type(shape)
     if not shape.fit_valid or shape.shape in (codes.NOT_KNOWN, codes.NONE, codes.UNKNOWN):
@@ -93,7 +92,7 @@ def held_object(grasp, sides, object_id: str) -> CollisionObject:
     Raises
     ------
     NoObjectError
-        If the messages do not describe a complete object.
+        Raised if the messages do not describe a complete object.
     """
     if sides.header.stamp != grasp.header.stamp:
         raise NoObjectError(Refusal.OTHER_TIME)

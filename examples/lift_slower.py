@@ -42,7 +42,7 @@ class LiftSpeed:
     def on_grasp(self, grasp: Grasp) -> None:
         if check_grasp(grasp) is None:  # ignore malformed messages
             self._grasp, self._arrival = grasp, self._ages.arrived(grasp)
-            if any(map(is_moving, grasp.motions)):  # the motion shows slips whose event messages were lost
+            if any(map(is_moving, grasp.motions)):  # slow down even if the event message was lost
                 self._speed, self._since = min(self._speed, FULL / 2), self._steady()
 
     def speed(self) -> float:

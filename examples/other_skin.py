@@ -25,8 +25,9 @@ from tactile_node.errors import ConfigurationError, DeviceError, TactileError
 from tactile_skin.msg import TaxelArray
 
 ZERO_FRAMES = 20  #: number of frames averaged to measure the zero
-#: Package, message and a function that returns the numbers of a pad for each source. The numbers may be in any order
-#: that matches `rows` and `cols`.
+
+#: For each source, the package, the message and a function that returns the numbers of a pad. The numbers may be in any
+#: order that matches `rows` and `cols`.
 SOURCES: Mapping[str, tuple[str, str, Callable[[Any, int], Any]]] = MappingProxyType({
     'array': ('std_msgs', 'Float32MultiArray', lambda message, pad: message.data),
     'image': ('sensor_msgs', 'Image', lambda message, pad: pixels(message)),

@@ -1,4 +1,4 @@
-"""Client for a grasp planner that reports how to correct each grasp between two tactile pads.
+"""Client that reports to a grasp planner how to correct each grasp between two tactile pads.
 
     python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
 
@@ -16,13 +16,14 @@ from typing import NamedTuple
 
 from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE
 
-MIN_CONFIDENCE = 0.8         # if the shape of a visible object is less probable, grasp the object elsewhere
+MIN_CONFIDENCE = 0.8         # if the shape of a fully visible object is less probable, grasp the object elsewhere
 MAX_OFFSET = 0.002           # largest offset of the contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # largest angle between the object's edges and the pad's edges [rad]
 MAX_MISALIGNMENT = 3 * pi / 180  # largest tilt of the faces or of the contacts' line [rad]
 TAUGHT = 8                   # ContactShape.OTHER
 STILL = 1                    # ContactMotion.STILL
 SLIDES = 3                   # ContactMotion.ALONG_X and ALONG_Y
+
 # Pressure per depth of the skin [Pa/m]. If the value is too high, the corrections of the tilt are too small.
 STIFFNESS = 25e6
 FLUSH = 0.015                # smallest tilt whose direction can be measured [rad]

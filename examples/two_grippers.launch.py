@@ -15,7 +15,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def gripper(arm: str, channel: str) -> GroupAction:
-    """Start a gripper in a group that keeps its arguments apart, with topics such as /<arm>/gripper/left/shape."""
+    """Start a gripper in its own group, which isolates the arguments, with topics such as /<arm>/gripper/left/shape."""
     bringup = PythonLaunchDescriptionSource([FindPackageShare('tactile_skin'), '/launch/bringup.launch.py'])
     given = {'channel': channel, 'pads': 'left,right', 'node_ids': '32,64', 'namespace': 'gripper',
              'frame_prefix': f'{arm}/', 'simulate': LaunchConfiguration('simulate')}

@@ -12,6 +12,7 @@ from importlib.metadata import Distribution, distribution
 from pathlib import Path
 
 DEPENDS = {'python-can>=3.0.0': 'python3-can (>= 3.0.0)'}  #: Maps each requirement of canopen to a Debian package.
+
 #: The package omits these files, because with them pip would uninstall files that apt installed.
 OF_PIP = {'INSTALLER', 'RECORD', 'REQUESTED', 'direct_url.json'}
 CONTROL = """Package: python3-canopen

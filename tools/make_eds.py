@@ -26,6 +26,7 @@ from tactile_node.skin.layout_file import load_layout
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 VENDOR = 0x0000_05C1  # example vendor number that CiA has not assigned
+
 # Indices of the data types (CiA 301, 7.4.7.1)
 I16 = '0x0003'
 U8 = '0x0005'

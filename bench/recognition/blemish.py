@@ -18,6 +18,7 @@ from training.ground_truth.overlap import Limits
 KEPT = 0.92      #: Smallest overlap of a blemished figure with its clean shape.
 SPOILED = 0.02   #: Smallest loss of overlap due to the blemish.
 AREA = 0.5       #: Area of a figure within its square of 2 x 2.
+
 #: Ranges of the aspect ratios and apex angles of the five shapes.
 LIMITS = Limits(ratio=(1.5, 3), legs=(1.5, 2.5), apex=(40, 75))
 

@@ -31,8 +31,9 @@ CLEAN = 'clean'
 #: Increase this number for each new report. Evaluation seeds serve only one report, because reports lead to changes.
 ROUND = 7
 PUNCHES, PUNCH_AREAS = 'flat punches', (12, 25, 50, 100)
-FEWER = 10           #: Factor by which flat punches are more frequent than each other kind of indenter.
+FEWER = 10           #: Flat punches are this many times as frequent as any other indenter.
 DEVELOPMENT = 500    #: Round of the development seeds, which are never reported.
+
 #: Deviations from the nominal conditions, for both kinds of frames.
 FIELD: dict[str, dict] = {
     'dead taxels, 10 % (NaN)': {'dead': 0.10},

@@ -22,6 +22,7 @@ from training.ground_truth.seeds import Purpose, generator
 SEEDS = 50_000_000  #: First seed of computed contacts, above the seeds of all other cases.
 CELLS = 64          #: Number of grid cells per square root of the nominal contact area.
 SIDES = (16, 24, 32, 48, 64)  #: Side lengths of the square pads [taxels].
+
 #: Largest ratio of squared diameter to area in any class. A right triangle with legs of 2.5:1 has this ratio.
 LONGEST = 5.8
 ROOM = 2.0          #: Margin around the contact [pitches].

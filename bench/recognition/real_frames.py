@@ -22,6 +22,7 @@ TEKSCAN = 'Tactile_Images_Dataset.zip'  #: In TaISLab/CNN-based-Methods-for-Tact
 WEISS = 'python/classification/training_grasp_profiles_thesis'  #: In peter-kiechle/tactile-sensors.
 VITAC = 'Data'        #: In jsheng45/ViTac-Tactile-Sensing.
 VITAC_PAD = (12, 32)  #: Number of rows and columns of a frame.
+
 #: Numbers of rows and columns of the Weiss hand's pads, in the order in which a frame contains the pads.
 PADS = ((14, 6), (13, 6)) * 3
 LABELS = Path(__file__).parent / 'labels' / 'real_arrays.csv'

@@ -12,12 +12,14 @@ from tactile_node.simulator.figures import coverage
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 
 AREAS = 16.0, 200.0    #: Range of the log-uniform areas in cells that do not vary the size [taxels].
+
 #: Nominal conditions, the same as in training.field.
 PRESSURE = 0.5
 TILT = 0.2
 BLUR = 0.5
 NOISE = 0.01
 MARGIN = 4             #: Margin around a contact [taxels].
+
 #: Angles of the contacts, to which a random number of quarter turns is added [degrees].
 ANGLES = range(0, 91, 5)
 #: Offsets of the centre of area from a taxel's centre, along rows and columns [pitches].

@@ -14,6 +14,7 @@ from training.ground_truth.seeds import Purpose
 #: Allowed share of known contacts that are called unknown, by area.
 MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}
 BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: Required recognition rate of flat punches, by area.
+
 #: Recordings with the shape of the object in each.
 RECORDED = {'nus_ring_session': Shape.CIRCLE, 'nus_square_moving': Shape.SQUARE}
 

@@ -9,7 +9,8 @@ from tactile_node.shape.recognition import UnknownReason
 from tactile_node.simulator.touches import SimulatedTouch
 
 SIZE_TOLERANCE = 0.25  #: largest allowed error of a length [pitches]
-#: the machine is too slow if more than 1 % of the simulated skin's CAN frames are later than this [s]
+
+#: The machine is too slow if more than 1 % of the simulated skin's CAN frames are later than this [s].
 MOST_SKIN_LATE = 0.01
 #: Limit for the total time that all threads of the nodes wait for a processor, as a share of the session. Above this
 #: limit, the machine is too busy. The share was 0.37 on two idle cores, and 0.57 beside two processes that kept both

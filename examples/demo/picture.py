@@ -26,7 +26,8 @@ GAP = 0.05     #: space between panels [inch]
 WORDS = 0.66   #: space for text above each panel [inch]
 DPI = 150
 TICK = 10  #: distance between ticks [mm]
-#: magnification of the centre's error ellipse, whose true axes are only some hundredths of a millimetre long
+
+#: Magnification of the centre's error ellipse, whose true axes are only some hundredths of a millimetre long.
 MAGNIFIED = 50
 FITTED, TRUE = 'cyan', 'white'  #: colours of the outlines, which also differ in line style
 RECOGNISED, WRONG = 'black', '#b30000'

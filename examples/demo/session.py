@@ -33,7 +33,7 @@ END_TIMEOUT = 60.0  #: time allowed for a process to end [s]
 
 
 class Part:
-    """A Python module that runs as a process of the demo. Ctrl-C reaches only the main process, which ends this one."""
+    """A Python module in a separate process. Ctrl-C reaches only the main process, which then ends all parts."""
 
     def __init__(self, stack: ExitStack, module: str, *words: str):
         self._module = module
@@ -42,7 +42,7 @@ class Part:
         stack.callback(self.end)
 
     def read_line(self) -> str:
-        """Return the line that the ready process prints. Raises TactileError if the process has ended."""
+        """Return the line that the process prints when ready. Raises TactileError if the process has ended."""
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
@@ -57,8 +57,8 @@ class Part:
     def check(self) -> None:
         """Raise TactileError if the process has ended."""
         if self._process.poll() is not None:
-            raise TactileError(self._module, expected='a running process until the end of the demo',
-                               got=f'exit code {self._process.returncode}', remedy='See the output above.')
+            raise TactileError(self._module, expected='a process that runs until the demo ends',
+                               got=f'exit code {self._process.returncode}', remedy='Read the error output above.')
 
     def waited(self) -> float:
         """Return the total time that all threads of the process have waited for a processor [s], or 0 if unknown.
@@ -76,7 +76,7 @@ class Part:
 
 
 class Nodes(Part):
-    """The process of `tactile bringup`, which ends after a signal."""
+    """The process of `tactile bringup`, which needs a signal to end."""
 
     def end(self) -> str:
         self._process.terminate()

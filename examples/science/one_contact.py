@@ -46,7 +46,8 @@ frame[6, 6] = np.nan
 # The contact
 # -----------
 #
-# A taxel belongs to the contact if its reading exceeds the noise and at least half of the contact's own level. A dead
+# A taxel belongs to the contact if its reading stands out of the noise and is at least half of the contact's own level.
+# A dead
 # taxel that the contact encloses also belongs to the contact.
 
 contact = tn.find_contact(frame, unit='Pa')

@@ -17,7 +17,7 @@ def _close(world: World, words: list[str]) -> None:
     world.command(Command(0.0, **({'effort': float(words[0])} if words else {})))
 
 
-#: Arguments as text, and function that executes the order, for each order.
+#: For each order, the arguments as text and the function that executes the order.
 ORDERS: Mapping[str, tuple[str, Callable[[World, list[str]], None]]] = MappingProxyType({
     'close': (f'[N, up to {MAX_EFFORT:g}]', _close),
     'open': ('', lambda world, words: world.command(Command(MAX_GAP))),

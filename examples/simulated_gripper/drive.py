@@ -36,8 +36,8 @@ class Command:
 class Drive:
     """Position loop with limited force for two coupled fingers.
 
-    Positions are half of the gap [m], and times are simulated times [s]. Forces are those of one finger, which at rest
-    equal the force of one pad.
+    Positions are half of the gap [m], and times are simulated times [s]. All forces are those of one finger. At rest,
+    the force of a finger equals the force of its pad.
     """
 
     def __init__(self, gap: float = MAX_GAP):
@@ -49,7 +49,7 @@ class Drive:
         self.is_at_goal = False
 
     def put(self, now: float, command: Command | None) -> None:
-        """Execute ``command`` at ``now`` + DELAY. None stops the finger and keeps its position and force."""
+        """Execute ``command`` at ``now`` + DELAY. A ``command`` of None stops the finger in place."""
         self._waiting.append((now + DELAY, command))
         self.is_stalled = self.is_at_goal = False
 

@@ -21,7 +21,7 @@ LOOK_PERIOD = 0.02  #: period of checking the gripper's state and publishing it 
 def command_of(goal: ParallelGripperCommand.Goal) -> Command:
     """Return the command for a goal. Raises InputError.
 
-    The position is the gap [m]. A speed [m/s] or an effort [N] of 0 means the default.
+    The position is the gap [m]. If the speed [m/s] or the effort [N] is missing or 0, the server uses the default.
     """
     asked = goal.command
     if len(asked.position) != 1 or list(asked.name) not in ([], [JOINT]):

@@ -12,7 +12,7 @@ from tactile_node.errors import InputError
 MAX_GAP = 0.09          #: largest gap [m]
 STEP = 0.001            #: time step of the physics [s]
 HALF_PAD = ROWS * PITCH / 2
-#: half of the stand's width, which is enough that an item displaced by 8 mm does not tip over [m]
+#: half of the stand's width [m], chosen so that an item displaced by 8 mm does not tip over
 HALF_STAND = 0.0095
 #: Contact parameters that let the skins yield by some tenths of a millimetre, like 4 mm of silicone.
 SKIN = 'solref="0.009 1" solimp="0.8 0.8 0.001"'

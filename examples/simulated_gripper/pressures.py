@@ -36,7 +36,7 @@ def pressures(item: Item, pose: Transform, force: float) -> np.ndarray:
 
 
 def by_depth(depth: np.ndarray, force: float) -> np.ndarray:
-    """Return taxel values in proportion to ``depth``, which sum up to ``force`` [Pa]."""
+    """Return taxel values [Pa] in proportion to ``depth``, with a total force of ``force`` [N]."""
     total = float(depth.sum())
     return depth * (force / total / PITCH**2) if total > 0 else np.zeros(depth.shape)
 
@@ -55,7 +55,7 @@ def _ball(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarr
 
 
 def _prism(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return z where lines along z enter the prism, which is at the last of the planes that face the pad [m]."""
+    """Return z where lines along z enter the prism, by crossing the last of the planes that face the pad [m]."""
     normals, distances = item.planes
     normals = normals @ pose.rotation.T
     distances = distances + normals @ pose.translation

@@ -26,12 +26,12 @@ MAX_SHIFT = 0.008         #: largest displacement of an item from the aim of the
 MAX_TURN = radians(15)    #: largest rotation of an item from the aim of the hand [rad]
 SPEEDS = {'x': 0.05, 'y': 0.05, 'lift': 0.05, 'yaw': 0.5}  #: speeds of the hand along its axes [m/s, rad/s]
 AXES = tuple(SPEEDS)
-LIFTED = 0.01             #: an item dropped onto the table counts as dropped after a lift of more than this [m]
+LIFTED = 0.01             #: a held item that touches the table after a lift of more than this counts as dropped [m]
 GRAVITY = 9.81            #: [m/s²]
 SHAKE_FREQUENCY = 6.0     #: [Hz]
 LOOP_PERIOD = 0.004       #: period of the thread [s]
 PULL_STIFFNESS = 2000.0   #: [N/m]
-MOST_BEHIND = 0.1         #: largest delay that the thread catches up with, while the rest is skipped [s]
+MOST_BEHIND = 0.1         #: the thread skips the part of a delay beyond this [s]
 
 
 class Outcome(Enum):
@@ -40,8 +40,8 @@ class Outcome(Enum):
     FREE = 'free'          #: at most one pad touches the item, which was not dropped
     GRIPPED = 'gripped'    #: both pads and also the table or the stand touch the item
     HELD = 'held'          #: only the two pads touch the item
-    DROPPED = 'dropped'    #: the item was lost after being held, until it is placed again
-    BROKEN = 'broken'      #: a pad pressed harder than the item's strength, until the item is placed again
+    DROPPED = 'dropped'    #: the item was held and then lost, and remains dropped until the next placement
+    BROKEN = 'broken'      #: a pad exceeded the item's strength, and the item remains broken until the next placement
 
 
 class Place(NamedTuple):
