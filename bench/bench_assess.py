@@ -85,7 +85,7 @@ def bench(array: str, data: Path) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     for array in ARRAYS:
-        parser.add_argument(f'--{array}', type=Path, help='folder of its repository')
+        parser.add_argument(f'--{array}', type=Path, help='folder of the repository with these frames')
     args = parser.parse_args()
     for array in ARRAYS:
         if getattr(args, array) is not None:

@@ -115,7 +115,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--contacts', type=int, default=100,
                         help='number of contacts of each object and size, default %(default)s')
-    parser.add_argument('--training', action='store_true', help='training seeds')
+    parser.add_argument('--training', action='store_true', help='use the training seeds')
     args = parser.parse_args()
     print('| object | N | long: bias, rms | short | angle: error, deviation | in 95 %: long, short, centre, angle |')
     print('| --- | --- | --- | --- | --- | --- |')

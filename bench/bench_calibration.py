@@ -117,9 +117,9 @@ def edges(count: int, purpose: Purpose) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--count', type=int, default=60, help='number of frames of each skin and size')
+    parser.add_argument('--count', type=int, default=60, help='number of frames per skin and size')
     parser.add_argument('--validation', action='store_true', help='use seeds that are never reported')
-    parser.add_argument('--edges', action='store_true', help='measure only the edges, on validation seeds')
+    parser.add_argument('--edges', action='store_true', help='measure only the edge rounding, with validation seeds')
     args = parser.parse_args()
     if args.edges:
         edges(args.count, Purpose.VALIDATION)

@@ -49,7 +49,8 @@ GOAL_TIMEOUT = 30.0  #: Time allowed for one goal [s].
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('forms', nargs='*', default=['one', 'executables'], metavar='FORM', help='of bench_launch.py')
+    parser.add_argument('forms', nargs='*', default=['one', 'executables'], metavar='FORM',
+                        help='form of bench_launch.py')
     parser.add_argument('--closes', type=int, default=100)
     parser.add_argument('--rate', type=float, default=50.0, help='SYNC messages per second (default: %(default)s)')
     args = parser.parse_args()

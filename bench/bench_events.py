@@ -145,13 +145,13 @@ def draw(found: Found, file: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('what', nargs='*', default=['slides', 'turns', 'quiet', 'shaken'])
-    parser.add_argument('--count', type=int, default=1, help='number of contacts of each kind, way and speed')
+    parser.add_argument('--count', type=int, default=1, help='number of contacts per kind, way and speed')
     parser.add_argument('--seconds', type=float, default=30.0, help='duration of a hold [s]')
     parser.add_argument('--ways', nargs='*', default=list(PROMISED), choices=list(PROMISED),
-                        help='ways to measure in this run')
+                        help='ways of seeing a contact to measure in this run')
     parser.add_argument('--speeds', nargs='*', type=float, default=list(SPEEDS),
                         help='speeds to measure in this run [mm/s]')
-    parser.add_argument('--seed', type=int, default=0, help='seed of the holds; a new seed draws further holds')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the holds, where a new seed draws new holds')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs/events.png')
     args = parser.parse_args()
     recogniser = make_recogniser()

@@ -53,16 +53,16 @@ FILM_PRESSURE = 40e3  # pressure shown in the brightest colour [Pa]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--starts', type=int, default=10, help='number of starts of each item (default: %(default)s)')
+    parser.add_argument('--starts', type=int, default=10, help='number of starts per item (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='first seed (default: %(default)s)')
     parser.add_argument('--items', default=','.join(ITEMS), metavar='NAME,...')
     parser.add_argument('--columns', default=','.join(COLUMNS), metavar='NAME,...')
     parser.add_argument('--output', type=Path, metavar='FILE')
     parser.add_argument('--report', action='store_true', help='report the finished starts')
     parser.add_argument('--pull', action='store_true',
-                        help='after the lift, pull the item down with more force than friction carries; no shake')
+                        help='pull the item down harder than friction can hold, instead of shaking it')
     parser.add_argument('--latency', action='store_true',
-                        help='measure the time from a touch to the stop, and the force beyond a limit')
+                        help='measure the delay from touch to stop, and the overshoot beyond a force limit')
     parser.add_argument('--film', type=Path, metavar='GIF',
                         help='film a grasp of the first item and seed in column shape')
     args = parser.parse_args()

@@ -202,7 +202,7 @@ def calibrate(count: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--patterns', type=int, default=200, help='contacts of each shape and condition; default 200')
+    parser.add_argument('--patterns', type=int, default=200, help='contacts per shape and condition, default 200')
     parser.add_argument('--calibrate', action='store_true')
     parser.add_argument('--page', action='store_true', help='only write the page from the recorded tables')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs')

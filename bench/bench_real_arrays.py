@@ -114,7 +114,7 @@ def main() -> int:
         parser.add_argument(f'--{array}', type=Path, help=f'folder with {place}')
     parser.add_argument('--labels', type=Path, default=LABELS)
     parser.add_argument('--weights', default='', help='model to use instead of config/recogniser.npz')
-    parser.add_argument('--network', action='store_true', help='leave out the rules in front of the network')
+    parser.add_argument('--network', action='store_true', help='skip the rules that run before the network')
     args = parser.parse_args()
     every = read_labels(args.labels)
     table = Table('Real arrays', f'largest visible contact, frame by frame; sure: confidence {SURE} or more',

@@ -136,16 +136,16 @@ def _send(sender: Connection, run: Run, name: str) -> None:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--quick', action='store_true', help='a few minutes, wide intervals, anchors half trained')
+    parser.add_argument('--quick', action='store_true', help='run for a few minutes, with half-trained anchors')
     parser.add_argument('--only', nargs='+', choices=list(SECTIONS), default=list(SECTIONS), metavar='SECTION',
-                        help=f'sections to measure, of {", ".join(SECTIONS)}; default all')
+                        help=f'sections to measure: {", ".join(SECTIONS)} (default: all)')
     parser.add_argument('--validation', action='store_true', help='use seeds and families that are never reported')
     parser.add_argument('--page', type=Path, metavar='FOLDER', help='only write the pages from FOLDER/tables')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
     parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help='folder of the training samples')
     parser.add_argument('--jobs', type=int, default=2, help='number of processes, default %(default)s')
     parser.add_argument('--weights', default='recogniser.npz')
-    parser.add_argument('--alone', action='store_true', help='leave out the anchors and the sections about them')
+    parser.add_argument('--alone', action='store_true', help='skip the anchors and the sections about them')
     args = parser.parse_args()
     if args.alone:
         args.only = [name for name in args.only if name not in AGAINST_ANCHORS]

@@ -131,9 +131,9 @@ def _robust(values: np.ndarray) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--frames', type=int, default=3000, help='of all shapes')
-    parser.add_argument('--build', type=Path, default=ROOT / 'build', help='with the solved indenters')
-    parser.add_argument('--pressure', choices=('punch', 'dome'), help='only those')
+    parser.add_argument('--frames', type=int, default=3000, help='total number of frames of all shapes')
+    parser.add_argument('--build', type=Path, default=ROOT / 'build', help='folder of the solved indenters')
+    parser.add_argument('--pressure', choices=('punch', 'dome'), help='calibrate only these indenters')
     args = parser.parse_args()
     for name, shapes in (('punch', tuple(OUTLINES)), ('dome', tuple(DOMES))):
         for shape in map(Shape, shapes if args.pressure in (name, None) else ()):

@@ -268,7 +268,7 @@ def main() -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--minutes', type=float, default=10, help='default %(default)s')
+    parser.add_argument('--minutes', type=float, default=10, help='duration in minutes, default %(default)s')
     parser.add_argument('--rate', type=float, default=FULL_LOAD, help='sweeps per second, default %(default)s')
     parser.add_argument('--window', type=float, default=10,
                         help='duration of a row of the table [s], default %(default)s')

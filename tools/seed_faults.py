@@ -63,7 +63,7 @@ def finding_test(fault: SeededFault, tests: list[str]) -> str | None:
 def main() -> int:
     """Seed each fault, and print which test finds it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('names', nargs='*', help='only these faults')
+    parser.add_argument('names', nargs='*', help='names of the faults to seed, default all')
     parser.add_argument('--all-tests', action='store_true', help='run all tests instead of the expected ones')
     given = parser.parse_args()
     chosen = [fault for fault in load_faults() if not given.names or fault.name in given.names]

@@ -26,7 +26,7 @@ def main(argv: list[str] | None = None) -> int:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     add_output_option(parser, type=Path, default=Path('demo_output'), help='folder for bag, log, pictures and table')
     parser.add_argument('--areas', type=float, nargs='+', default=(25.0, 40.0, 60.0), metavar='N',
-                        help='areas of the touches [taxels]; each shape touches with each area (default: 25 40 60)')
+                        help='areas with which each shape touches [taxels] (default: 25 40 60)')
     parser.add_argument('--seed', type=int, default=2026, help='seed of the touches (default: 2026)')
     try:
         return run(parser.parse_args(argv))

@@ -28,7 +28,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--item', default='square', help=f'item to grasp: {", ".join(ITEMS)} (default: %(default)s)')
     parser.add_argument('--seed', type=int, help="seed of the item's displacement (default: no displacement)")
     parser.add_argument('--link', default='', metavar='PATH', help="symbolic link to the skin's adapter")
-    parser.add_argument('--picture', type=Path, metavar='FILE', help='only draw a grasp to this file, and end')
+    parser.add_argument('--picture', type=Path, metavar='FILE', help='only draw a picture of a grasp to this file')
     args = parser.parse_args(argv)
     try:
         world = World(item_of(args.item), AIM if args.seed is None else random_place(args.seed))
