@@ -7,8 +7,8 @@ held in place. During a hold, the force is constant or varies by 20 % at 5 to 15
 drift, mains hum at 50 Hz and 3 % dead taxels.
 
 The script compares the events with a naive rule, which reports a movement when the centre of pressure of the raw values
-has moved by more than a threshold. With training seeds, this threshold gives one false report in ten minutes of holding
-with constant force.
+has moved by more than a threshold. The threshold of the naive rule gives one false report in ten minutes of holding
+with constant force, measured with training seeds.
 """
 
 import argparse
@@ -38,7 +38,7 @@ FAR = {'outline': 1.4, 'centre of pressure': 1.8, 'on/off': 2.4}
 PROMISED_BY = dict(zip((SeenBy.OUTLINE, SeenBy.CENTRE_OF_PRESSURE, SeenBy.ON_OFF), PROMISED.values()))
 #: Kinds of contacts whose rotation can be seen.
 TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))
-MINUTES_OF_ONE = 10.0  #: Duration of holding per false report of the naive rule [min].
+MINUTES_OF_ONE = 10.0  #: The naive rule may make one false report in this holding time [min].
 
 #: Increased by a million after each change that a report has caused, so that the next report uses new seeds.
 SEED = 73_000_000

@@ -3,8 +3,8 @@
 Each item is displaced by up to 8 mm and turned by up to 15 degrees. A gripper closes on the item in one of the ways
 defined in bench/grasp_columns.py, lifts it by 10 cm and shakes it with an acceleration of 1 g. At 1 g, the slippery
 block needs a force of 4.9 N, and the fragile block breaks at 6 N. At 2 g, no single force would hold the slippery block
-without breaking the fragile block. The gripper uses the same force for all items. This force was chosen with seeds from
-1000; the reported seeds begin at 0. The benchmark needs MuJoCo:
+without breaking the fragile block. The gripper uses the same force for all items. The force for all items was chosen
+with seeds from 1000 on, and the reported seeds begin at 0. The benchmark needs MuJoCo:
 
     make grasps                     # 100 starts for each column; each finished start is a line in
                                     # build/grasps/starts.jsonl, and a second run continues

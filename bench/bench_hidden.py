@@ -3,15 +3,15 @@
 The script is part of `make bench`.
 
 The first table covers contacts of 12-100 taxels at random positions, as nominal pressures (1 % noise, blur, tilt) and
-as on/off patterns. Each case has 600 contacts; the cases with dead taxels have 2000. Taxels are hidden because they are
+as on/off patterns. Each case has 600 contacts, or 2000 contacts if taxels are dead. Taxels are hidden because they are
 dead, or because a TPDO with 8 taxels of one row is lost. The lost TPDOs are scattered over the contact, or they hide
 adjacent rows that are 8 columns or the whole pad wide. The recogniser runs once on the visible taxels alone, and once
 on several completions of the hidden taxels (`shape/completion.py`). The weights of the completions were chosen with
 validation seeds.
 
-The second table covers whole sessions with contacts of 40-100 taxels on a 16x16 pad with 32 TPDOs. Some of these TPDOs
+The second table covers whole sessions with contacts of 40-100 taxels on a 16x16 pad with 32 TPDOs. Some of the 32 TPDOs
 never arrive. The second table compares single frames with ten fused frames, both with default settings. The third table
-compares contacts with few hidden taxels with the same contacts without hidden taxels.
+shows the results for contacts with few hidden taxels, and for the same contacts fully visible.
 """
 
 import sys

@@ -222,7 +222,7 @@ def started(words: list[str], **options) -> subprocess.Popen:
 
 
 def executables(channel: str, rate: float) -> list[subprocess.Popen]:
-    """Start each node in a process of its own."""
+    """Start each node as a separate process."""
     driver = ['-p', 'interface:=slcan', '-p', f'channel:={channel}', '-p', f'node_ids:=[{NODE_IDS}]', '-p',
               f'pads:=[{",".join(PADS)}]', '-p', f'sync_period:={1 / rate}']
     nodes = [(role, ['-r', f'__ns:=/{pad}']) for pad in PADS for role in ('processor', 'classifier')]

@@ -1,12 +1,12 @@
 """Run the planner example with a simulated gripper, and count how often its advice leads to a good grasp.
 
-The planner can correct 50 of the random starts; the other 20 starts have a fault that the planner cannot correct. If a
-run ends with "done", the script checks the true place of the object. The script calls the functions of the nodes, from
-taxels to the grasp message, in one process.
+The planner can correct 50 of the random starts. The remaining 20 starts have a fault that the planner cannot correct.
+If a run ends with "done", the script checks the true place of the object. The script calls the functions of the nodes,
+from taxels to the grasp message, in one process.
 
 The planner's rules were changed after runs with seeds 900 to 949. The value of MAX_MISALIGNMENT, 3 instead of 2
-degrees, was chosen with the seeds used here. Afterwards, the planner succeeded at all 50 starts in a single run with
-seeds 6000 to 6049.
+degrees, was chosen with the seeds used here. In a single run with seeds 6000 to 6049 after these changes, the planner
+succeeded at all 50 starts.
 
 The script is part of `make bench`. The optional argument is the number of starts.
 """

@@ -5,8 +5,8 @@
 The script is part of `make bench` and takes about ten minutes. The script teaches each shape separately: once from 30
 touches of about 50 taxels on a simulated 16x16 skin, and once from 30 touches computed by contact mechanics. The script
 then recognises new touches, contacts of the five shapes and the foreign figures of the recognition report, with and
-without the taught shape. None of these contacts was used for teaching. Each new touch is a single frame. All contacts
-are drawn with evaluation seeds. The constants of the teaching method were chosen with validation seeds.
+without the taught shape. The contacts for this test were not used for teaching. Each new touch is a single frame. All
+contacts are drawn with evaluation seeds. The constants of the teaching method were chosen with validation seeds.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Fit contacts computed by contact mechanics, whose pressures differ from the model of the fit.
 
-The true outline is the outline of the same shape that best covers the solver's contact set on the fine grid.
+As the true outline, the script uses the outline of the same shape that best covers the solver's contact set.
 """
 
 from collections.abc import Callable

@@ -12,7 +12,7 @@ The loop only turns the planner's decisions into orders. Your program moves the 
 from enum import IntEnum
 from typing import NamedTuple
 
-SETTLE = 0.4      # pause after closing before a decision counts [s], longer than MAX_AGE so that only later data count
+SETTLE = 0.4      # wait after closing before decisions count [s], longer than MAX_AGE to exclude older data
 PATIENCE = 5.0    # time limit for a decision after closing [s]
 MAX_MOVES = 12    # largest number of moves before the loop gives up
 MOVES = ('shift', 'rotate', 'tilt', 'regrasp')

@@ -105,7 +105,7 @@ def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
 def opposing(grasp) -> tuple[float, float, float]:
     """Return the rotation of the gripper about the midpoint [rad] that makes the contacts oppose, or NaN if unknown.
 
-    If the faces lean, the gripper aligns with the faces. Otherwise, the gripper aligns with the line of the contacts.
+    The gripper aligns with the faces if they lean, and otherwise with the line of the contacts.
     """
     about_x, about_y = (lean / STIFFNESS for lean in grasp.lean)
     # If the faces lean, the line of the contacts is a diagonal, because friction holds such faces at opposite edges.

@@ -1,8 +1,8 @@
 """The anchors are two methods that an integrator would choose today: a small CNN, and trees on contour features.
 
 The anchors get the same contact patch as our method, with standard place, level and orientation and with torn pieces
-joined. This patch is an advantage for the anchors, which do not include such a preparation. The anchors also train on
-the same samples as our method.
+joined. The prepared patch is an advantage for the anchors, because the anchors alone would have no such patch. The
+anchors also train on the same samples as our method.
 """
 
 from typing import NamedTuple

@@ -1,7 +1,7 @@
 """Computed flat punches next to each other on one pad.
 
-Each punch is computed alone, and the stresses are added. This sum neglects the deformation of the skin around
-neighbouring punches.
+Each punch is computed alone, and the stresses are added. The sum of the stresses neglects that one punch raises the
+skin under another.
 """
 
 from typing import NamedTuple

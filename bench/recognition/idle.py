@@ -94,7 +94,7 @@ def stuck(rng: np.random.Generator, frames: int, side: int) -> Idle:
 
 
 def flickering(rng: np.random.Generator, frames: int, side: int) -> Idle:
-    """Draw flickering taxels, 0.5 to 12 % of all taxels, with different duty cycles and rates. Some always stay on."""
+    """Draw flickering taxels, 0.5 to 12 % of all taxels, with different rates and with duty cycles of up to 100 %."""
     chosen = _chosen(rng, (side, side), _log_uniform(rng, 0.005, 0.12))
     duty, stay = rng.uniform(0.1, 1.0, (side, side)), rng.uniform(0, 0.95, (side, side))
     on = np.empty(_shape(frames, side), bool)
@@ -112,17 +112,17 @@ def _chosen(rng: np.random.Generator, shape: tuple[int, ...], share: float) -> n
 
 
 def static_salt(rng: np.random.Generator, frames: int, side: int) -> Idle:
-    """Draw active taxels, 1 to 50 % of all taxels and the same in all frames."""
+    """Draw 1 to 50 % of the taxels as active, the same taxels in all frames."""
     return _graded(rng, np.broadcast_to(rng.random((side, side)) < _log_uniform(rng, 0.01, 0.5), _shape(frames, side)))
 
 
 def changing_salt(rng: np.random.Generator, frames: int, side: int) -> Idle:
-    """Draw active taxels, 1 to 50 % of all taxels and different in each frame."""
+    """Draw 1 to 50 % of the taxels as active, different taxels in each frame."""
     return _graded(rng, rng.random(_shape(frames, side)) < _log_uniform(rng, 0.01, 0.5))
 
 
 def full_scale_salt(rng: np.random.Generator, frames: int, side: int) -> Idle:
-    """Draw taxels with values up to full scale, 1 to 50 % of all taxels, either the same or different in each frame."""
+    """Draw values up to full scale on 1 to 50 % of the taxels, either constant or different in each frame."""
     one = rng.random() < 0.5
     shape = _shape(1 if one else frames, side)
     salt = np.where(rng.random(shape) < _log_uniform(rng, 0.01, 0.5), rng.uniform(0, 1, shape), 0.0)

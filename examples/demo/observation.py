@@ -22,7 +22,7 @@ class Performance(NamedTuple):
     """Latency of the received shapes, and two measures of the machine's speed.
 
     The lateness of the simulated skin and the time that the nodes wait for a processor do not depend on the speed of
-    the nodes. Both times therefore measure the machine alone.
+    the nodes. The lateness and the waiting time therefore measure only the machine.
     """
 
     latency: Sequence[float]  #: times from SYNC to the arrival of each shape [s]

@@ -128,7 +128,7 @@ def _geom(item: Item) -> tuple[str, str]:
 
 
 def _solid(item: Item) -> str:
-    """Return the geom of an item that is one of MuJoCo's primitives."""
+    """Return the geom of an item, as one of MuJoCo's primitives."""
     if not item.length:
         return f'type="sphere" size="{item.face.reach}"'
     if item.face.shape == 'circle':
