@@ -1,10 +1,10 @@
-"""Measure how much `tactile assess` helps on real arrays, with 8 touches of each object.
+"""Measure how much `tactile assess` improves recognition on real arrays, given 8 touches of each object.
 
     python bench/bench_assess.py --tekscan DIR --weiss DIR
 
-DIR is a copy of the repository that bench/bench_real_arrays.py names. Only the frames with a label are used. Each draw
-assesses 8 frames of each object and evaluates the result on the remaining frames. With the Weiss hand, these are the
-frames of other grasps.
+Each DIR is a local copy of a repository listed in bench/bench_real_arrays.py. The script uses only labelled frames.
+Each draw assesses 8 frames of each object, each from a different grasp, and evaluates the adapted recogniser on the
+frames of all other grasps.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import Recognition, Shape
 
 ARRAYS = 'tekscan', 'weiss'
-TOUCHES = 8  #: Number of frames of each object that are assessed.
+TOUCHES = 8  #: Largest number of assessed frames per object.
 DRAWS = 20
 SEED = 46
 
@@ -42,7 +42,7 @@ def answers_by(recogniser: ShapeRecogniser, touches: list[LabelledTouch]) -> lis
 
 
 def drawn(rng: np.random.Generator, objects: list[str], grasps: list[str]) -> list[int]:
-    """Return the indices of TOUCHES frames of each object; each frame is from a different grasp."""
+    """Draw up to TOUCHES frames of each object, each from a different grasp, and return their indices."""
     by_object: dict[str, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
     for k, (name, grasp) in enumerate(zip(objects, grasps)):
         by_object[name][grasp].append(k)
@@ -85,7 +85,7 @@ def bench(array: str, data: Path) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     for array in ARRAYS:
-        parser.add_argument(f'--{array}', type=Path, help='folder of its repository')
+        parser.add_argument(f'--{array}', type=Path, help='folder of the repository with these frames')
     args = parser.parse_args()
     for array in ARRAYS:
         if getattr(args, array) is not None:

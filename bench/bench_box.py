@@ -1,8 +1,9 @@
-"""Measure the smallest rectangle around contacts: bias and spread of its lengths, and coverage of its 95 % intervals.
+"""Measure the error of the smallest rectangle around a contact, and the coverage of its 95 % intervals.
 
 Run from the checkout: python bench/bench_box.py [--contacts 100] [--training]
-The script prints a table of docs/pose_results.md, measured on evaluation seeds. With --training, it uses the training
-seeds, on which the standard deviations were chosen.
+
+The script prints one of the tables in docs/pose_results.md, measured with evaluation seeds. The option --training
+selects the training seeds, with which the standard deviations were chosen.
 """
 
 import argparse
@@ -37,7 +38,7 @@ GROUPS = {'circle, square, rectangle: punches': ('circle', 'square', 'rectangle'
 
 
 class Touch(NamedTuple):
-    """A detected contact, and the places, (n, 2), that the object really covers [pitches]."""
+    """A detected contact, and an (n, 2) array of points that the object really covers [pitches]."""
 
     pattern: ContactPattern
     places: np.ndarray
@@ -49,7 +50,7 @@ def oval(ratio: float):
 
 
 def drawn(rng: np.random.Generator, name: str, area: float) -> Touch:
-    """Return the touch of a figure that presses evenly."""
+    """Return a touch by a figure with uniform pressure."""
     side = mechanics.side_of(area) + 4
     kind, on_off = name.lower().removesuffix(', on/off'), name.endswith('on/off')
     if kind == 'rectangle':
@@ -65,7 +66,7 @@ def drawn(rng: np.random.Generator, name: str, area: float) -> Touch:
 
 
 def pressed(rng: np.random.Generator, name: str, area: float) -> Touch:
-    """Return the touch of an indenter on an elastic half-space. The true places are those of the computed contact."""
+    """Return a touch by an indenter on an elastic half-space, with the points of the computed contact as the truth."""
     indenter, tilt = (mechanics.random_punch(rng, PUNCHES[name]) if name in PUNCHES else DOMES[name](rng, 0))
     towards = rng.uniform(0, 2 * np.pi) if name in PUNCHES else 0.0
     solution = mechanics.solved(indenter, tilt, towards)
@@ -79,7 +80,7 @@ def pressed(rng: np.random.Generator, name: str, area: float) -> Touch:
 
 
 def errors(touch: Touch) -> np.ndarray:
-    """Return the errors of both sides, x, y and angle, then their standard deviations, then the true sides."""
+    """Return the errors of both sides, x, y and angle, followed by their standard deviations and by the true sides."""
     box = contact_box(touch.pattern)
     cos, sin = np.cos(ANGLES), np.sin(ANGLES)
     along = touch.places @ np.stack((cos, sin)), touch.places @ np.stack((-sin, cos))
@@ -114,7 +115,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--contacts', type=int, default=100,
                         help='number of contacts of each object and size, default %(default)s')
-    parser.add_argument('--training', action='store_true', help='training seeds')
+    parser.add_argument('--training', action='store_true', help='use the training seeds')
     args = parser.parse_args()
     print('| object | N | long: bias, rms | short | angle: error, deviation | in 95 %: long, short, centre, angle |')
     print('| --- | --- | --- | --- | --- | --- |')

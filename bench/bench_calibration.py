@@ -1,9 +1,12 @@
-"""Measure fitted sizes on skins of unknown response, without and with a calibration by one known disc.
+"""Measure the errors of fitted sizes on skins of unknown response, with and without calibration on a known disc.
 
-Run by `make bench`, or: python bench/bench_calibration.py [--count 60] [--validation] [--edges]. The calibration is the
-search of `tactile calibrate`. Rigid punches press an elastic half-space. The skins differ in the depth of their taxels
-and in the curve from pressure to reading. --edges prints how the rounding of an object's edge changes a fitted size,
-because a calibration has to know the rounding.
+Run `make bench`, or: python bench/bench_calibration.py [--count 60] [--validation] [--edges]
+
+The calibration uses the same search as `tactile calibrate`. Rigid punches press an elastic half-space. The skins differ
+in the depth of their taxels and in the curve that converts pressure to a reading.
+
+The option --edges prints how much the rounding of an object's edge changes its fitted size. For this reason, a
+calibration must know the rounding of its disc.
 """
 
 import argparse
@@ -31,15 +34,16 @@ from training.ground_truth.seeds import Purpose, generator
 
 SEED = 70_000_000
 DEPTHS = (0.35, 0.8)  #: Depths of the taxels [pitches].
-#: Curves from pressure to reading, both as fractions of full scale.
+
+#: Curves that convert pressure to a reading, both as fractions of full scale.
 CURVES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     'proportional': lambda p: p, 'power 0.6': lambda p: p ** 0.6, 'power 1.3': lambda p: p ** 1.3,
     'saturating': lambda p: 1.4 * p / (p + 0.4)}
 KNOWN_AREA = 120.0  #: Area of the known disc [taxels].
-SHARP = 0.02        #: Rounding of its edge, as a fraction of the radius.
-PRESSES = 10        #: Number of places at which the known disc is pressed.
-LEVELS = 4          #: Number of pressures at each place.
-PUNCHES = 20        #: Number of other objects.
+SHARP = 0.02        #: Rounding of the known disc's edge, as a fraction of its radius.
+PRESSES = 10        #: Number of places where the known disc presses the skin.
+LEVELS = 4          #: Number of pressures applied at each place.
+PUNCHES = 20        #: Number of punches whose sizes are fitted.
 ROUNDINGS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25)
 
 Objects = list[tuple[Solution, Outlined]]
@@ -52,7 +56,7 @@ def known_disc(rounding: float) -> tuple[Solution, Outlined]:
 
 
 def other_objects(rng: np.random.Generator) -> Objects:
-    """Return punches of the five classes, with edges and tilts as in the other reports."""
+    """Return punches of the five classes with random edges and tilts, drawn as in the other benchmarks."""
     found = []
     for number in range(PUNCHES):
         indenter, tilt = mechanics.random_punch(rng, number)
@@ -62,7 +66,7 @@ def other_objects(rng: np.random.Generator) -> Objects:
 
 
 def calibrated(rng: np.random.Generator, skin: Skin) -> FoundResponse:
-    """Return the response that is found by pressing the known disc lightly and firmly."""
+    """Calibrate the skin with light and firm presses of the known disc, and return its response."""
     solution, outline = known_disc(SHARP)
     presses = []
     while len(presses) < PRESSES:
@@ -76,7 +80,7 @@ def calibrated(rng: np.random.Generator, skin: Skin) -> FoundResponse:
 
 
 def report(count: int, purpose: Purpose) -> None:
-    """Print one row for each skin and size, with the results without and with the calibration."""
+    """Print a row for each skin and contact size, with the results before and after the calibration."""
     print('| depth | readings | N | bias % | spread % | in the 95 % region | found: exponent, depth |')
     print('| --- | --- | --- | --- | --- | --- | --- |')
     others = other_objects(generator(purpose, SEED))
@@ -97,7 +101,7 @@ def _both(before: Row, after: Row, name: str, form: str) -> str:
 
 
 def edges(count: int, purpose: Purpose) -> None:
-    """Print for each rounding of the edge by how much the fitted circles are too large."""
+    """For each edge rounding, print how much too large the fitted circles are."""
     print('| edge radius / radius | radius too large by [%] at depths of 0.3, 0.6, 1.0 pitches |')
     print('| --- | --- |')
     for number, rounding in enumerate(ROUNDINGS):
@@ -113,9 +117,9 @@ def edges(count: int, purpose: Purpose) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--count', type=int, default=60, help='number of frames of each skin and size')
+    parser.add_argument('--count', type=int, default=60, help='number of frames per skin and size')
     parser.add_argument('--validation', action='store_true', help='use seeds that are never reported')
-    parser.add_argument('--edges', action='store_true', help='measure only the edges, on validation seeds')
+    parser.add_argument('--edges', action='store_true', help='measure only the edge rounding, with validation seeds')
     args = parser.parse_args()
     if args.edges:
         edges(args.count, Purpose.VALIDATION)

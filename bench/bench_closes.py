@@ -1,11 +1,11 @@
-"""Count the outcomes of closing goals of the gripper node without faults, with the stages in one or several processes.
+"""Count how closing goals of the gripper node end if nothing fails, with the stages in one or several processes.
 
-Two pads hold an object with a force of about 10 N and measure it at --rate frames per second. A simulated gripper
-executes every command and closes to 0 with a higher force limit. Each goal should therefore end as REACHED. Skin,
-stages, gripper and gripper node run in separate processes. A grasp that is too old stops the gripper, and the goal ends
-as NOT_SEEN after half a second.
+Two simulated pads press an object with about 10 N and measure --rate frames per second. A simulated gripper executes
+every command. Each closing goal has a force limit of 19 N, well above 10 N, and should therefore end as REACHED. The
+skin, the stages, the gripper and the gripper node run in separate processes. If the grasp is too old, the gripper node
+stops the gripper and ends the goal as NOT_SEEN after half a second.
 
-The script also prints the processor time of all other processes, because grasps are late on a busy machine.
+Grasps are late on a busy machine. The script therefore also prints the CPU load of all other processes.
 
     python bench/bench_closes.py [--closes 100] [--rate 50] [FORM ...]
 """
@@ -43,13 +43,14 @@ GRIPPER = Path(__file__).resolve().parents[1] / 'test' / 'gripper_process.py'
 EFFORT = 19.0  #: Force limit of the gripper [N].
 PARAMETERS = {'widest': 0.05, 'fast_speed': 0.02, 'slow_speed': 0.02, 'highest_force': 20.0}
 START_TIMEOUT = 60.0  #: Time allowed for the chain and the gripper to start [s].
-SETTLE = 5.0  #: Waiting time after the start, because starting processes compete for the processor [s].
-GOAL_TIMEOUT = 30.0  #: Time allowed for a goal [s].
+SETTLE = 5.0  #: Pause after the start, while starting processes still compete for the processor [s].
+GOAL_TIMEOUT = 30.0  #: Time allowed for one goal [s].
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('forms', nargs='*', default=['one', 'executables'], metavar='FORM', help='of bench_launch.py')
+    parser.add_argument('forms', nargs='*', default=['one', 'executables'], metavar='FORM',
+                        help='form of bench_launch.py')
     parser.add_argument('--closes', type=int, default=100)
     parser.add_argument('--rate', type=float, default=50.0, help='SYNC messages per second (default: %(default)s)')
     args = parser.parse_args()
@@ -64,9 +65,9 @@ def main() -> int:
 
 
 def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[str], float]:
-    """Close ``number`` times.
+    """Send ``number`` closing goals, and count their outcomes.
 
-    Returns the outcomes, the messages of the failed goals, and the load of other processes [cores].
+    Returns the counts of outcomes and of error messages, and the CPU load of other processes [cores].
     """
     with ExitStack() as stack:
         channel = stack.enter_context(tempfile.TemporaryDirectory()) + '/skin'
@@ -101,7 +102,7 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
         counts, messages = Counter[str](), Counter[str]()
 
         def used() -> float:
-            """Return the processor time of all other processes [s]."""
+            """Return the CPU time that all other processes have used so far [s]."""
             return busy_seconds() - cpu_seconds([skin, *chain, *gripper]) - time.process_time()
         begun, before = time.monotonic(), used()
         for _ in range(number):
@@ -115,7 +116,7 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
 
 
 def wait_for(node: rclpy.node.Node, condition: object) -> None:
-    """Spin until the chain, the gripper and the gripper node are found and the object is seen."""
+    """Spin until ``condition`` is true, and exit with a message after START_TIMEOUT."""
     end = time.monotonic() + START_TIMEOUT
     while not condition():
         if time.monotonic() > end:

@@ -1,13 +1,14 @@
-"""Measure contact events: the movement before they are reported, and the rate of false reports; draw docs/events.png.
+"""Measure how far a contact moves before an event is reported, and count false reports; draw docs/events.png.
 
 Run from the checkout: nice python bench/bench_events.py [slides turns quiet shaken] [--count 3] [--seconds 30]
 
-The contacts are computed by contact mechanics. They slide and turn at 0.5 to 100 mm/s in any direction, or they are
-held. A hold is quiet, or its force varies by 20 % at 5 to 15 Hz. The frames have 1 % noise, drift, hum of 50 Hz and 3 %
-dead taxels.
+The contacts are computed by contact mechanics. Each contact slides or turns at 0.5 to 100 mm/s in any direction, or is
+held in place. During a hold, the force is constant or varies by 20 % at 5 to 15 Hz. The frames contain 1 % noise,
+drift, mains hum at 50 Hz and 3 % dead taxels.
 
-The events are compared with a naive rule. It reports a movement when the centre of pressure of the raw values has moved
-by more than a threshold. The threshold is tuned on training seeds to one false report in ten minutes of a quiet hold.
+The script compares the events with a naive rule, which reports a movement when the centre of pressure of the raw values
+has moved by more than a threshold. The threshold of the naive rule gives one false report in ten minutes of holding
+with constant force, measured with training seeds.
 """
 
 import argparse
@@ -17,7 +18,7 @@ import sys
 from pathlib import Path
 
 for library in ('OPENBLAS', 'OMP', 'MKL'):
-    os.environ[f'{library}_NUM_THREADS'] = '1'  # read when numpy is imported
+    os.environ[f'{library}_NUM_THREADS'] = '1'  # numpy reads these variables when it is imported
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
@@ -29,20 +30,25 @@ from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from training.ground_truth.seeds import Purpose, generator
 
 SPEEDS = (0.5, 2.0, 10.0, 20.0, 50.0, 100.0)  #: Speeds of the contacts [mm/s].
-#: Largest movement before a report, as docs/events.md states it [pitches].
+
+#: Largest movement before a report, as promised in docs/events.md [pitches].
 PROMISED = {'outline': 0.3, 'centre of pressure': 0.8, 'on/off': 1.5}
 #: Length of a slide [pitches].
 FAR = {'outline': 1.4, 'centre of pressure': 1.8, 'on/off': 2.4}
 PROMISED_BY = dict(zip((SeenBy.OUTLINE, SeenBy.CENTRE_OF_PRESSURE, SeenBy.ON_OFF), PROMISED.values()))
-TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))  #: Contacts that have a direction.
-MINUTES_OF_ONE = 10.0  #: Time in which the naive rule may make one false report [min].
-SEED = 73_000_000  #: Raised by a million whenever a report has led to a change, so that new seeds are reported.
-Found = dict[str, dict[str, list[float]]]  #: Movements before the report [pitches], by way and speed.
+#: Kinds of contacts whose rotation can be seen.
+TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))
+MINUTES_OF_ONE = 10.0  #: The naive rule may make one false report in this holding time [min].
+
+#: Increased by a million after each change that a report has caused, so that the next report uses new seeds.
+SEED = 73_000_000
+#: Movements before a report [pitches], by way of seeing the contact and by speed.
+Found = dict[str, dict[str, list[float]]]
 FOUND = ROOT / 'build/bench_events.json'
 
 
 def reported_after(frames: list[Frame], kind: EventKind, radius: float = 0.0) -> tuple[float, SeenBy]:
-    """Return the movement before the first event of ``kind`` [pitches], and how the event was seen; inf for none."""
+    """Return the movement before the first event of ``kind`` [pitches], or inf, and how the event was seen."""
     for frame in frames:
         for event in frame.motion.events if frame.time >= BEFORE else ():
             if event.kind is kind:
@@ -51,13 +57,13 @@ def reported_after(frames: list[Frame], kind: EventKind, radius: float = 0.0) ->
 
 
 def naive_distances(frames: list[Frame]) -> np.ndarray:
-    """Return the distance of each frame's raw centre of pressure from that of the first frames [pitches]."""
+    """Return how far the raw centre of pressure of each frame lies from the mean of the first frames [pitches]."""
     centres = np.array([frame.naive for frame in frames])
     return np.hypot(*(centres - centres[:15].mean(0)).T)
 
 
 def naive_after(frames: list[Frame], threshold: float) -> float:
-    """Return the movement before the naive rule reports [pitches], or inf if it does not."""
+    """Return the movement before the naive rule reports it [pitches], or inf if the rule reports nothing."""
     for frame, distance in zip(frames, naive_distances(frames)):
         if frame.time >= BEFORE and distance > threshold:
             return moved(frame.place)
@@ -65,22 +71,24 @@ def naive_after(frames: list[Frame], threshold: float) -> float:
 
 
 def naive_threshold(recogniser: VisibilityGuard, seconds: float) -> float:
-    """Return the threshold at which quiet holds with training seeds have one false report in MINUTES_OF_ONE."""
+    """Return the threshold that gives one false report per MINUTES_OF_ONE in quiet holds with training seeds."""
     farthest = []
     for number, kind in enumerate(KINDS):
         rng = generator(Purpose.TRAINING, SEED + number)
         frames = Scene(rng, kind).follow(recogniser, lambda _: {}, seconds)
         farthest.append(naive_distances(frames).max())
-    most = int(len(KINDS) * seconds / 60 / MINUTES_OF_ONE)  # number of holds in which the naive rule may report
+    # number of holds in which the naive rule may make a false report
+    most = int(len(KINDS) * seconds / 60 / MINUTES_OF_ONE)
     return float(np.sort(farthest)[::-1][most])
 
 
 def measure(recogniser: VisibilityGuard, what: str, count: int, naive: float, only: list[str],
             speeds: list[float]) -> Found:
-    """Print the movement before an event, and return it for each way and for the naive rule [pitches]."""
+    """Print and return the movements before an event [pitches], for each way of seeing a contact and the naive rule."""
     found: Found = {}
     kinds, kind = (KINDS, EventKind.SLIDING) if what == 'slides' else (TURNS, EventKind.TURNING)
-    for way in [way for way in only if what == 'slides' or way != 'centre of pressure']:  # it shows no turn
+    # a centre of pressure shows no turn
+    for way in [way for way in only if what == 'slides' or way != 'centre of pressure']:
         found[way] = {}
         for speed in speeds:
             row, ways, rule, in_time = SPEEDS.index(speed), [], [], []
@@ -106,7 +114,7 @@ def measure(recogniser: VisibilityGuard, what: str, count: int, naive: float, on
 
 
 def count_false(recogniser: VisibilityGuard, what: str, seconds: float, seed: int, only: list[str]) -> None:
-    """Print the number of false reports in holds of every kind of contact."""
+    """Hold contacts of every kind, and print the number of false reports."""
     for way in only:
         kinds: list[str] = []
         for number, kind in enumerate(KINDS):
@@ -137,13 +145,13 @@ def draw(found: Found, file: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('what', nargs='*', default=['slides', 'turns', 'quiet', 'shaken'])
-    parser.add_argument('--count', type=int, default=1, help='number of contacts of each kind, way and speed')
+    parser.add_argument('--count', type=int, default=1, help='number of contacts per kind, way and speed')
     parser.add_argument('--seconds', type=float, default=30.0, help='duration of a hold [s]')
     parser.add_argument('--ways', nargs='*', default=list(PROMISED), choices=list(PROMISED),
-                        help='ways to measure in this run')
+                        help='ways of seeing a contact to measure in this run')
     parser.add_argument('--speeds', nargs='*', type=float, default=list(SPEEDS),
                         help='speeds to measure in this run [mm/s]')
-    parser.add_argument('--seed', type=int, default=0, help='seed of the holds; a new seed draws further holds')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the holds, where a new seed draws new holds')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs/events.png')
     args = parser.parse_args()
     recogniser = make_recogniser()
@@ -154,7 +162,8 @@ def main() -> None:
         needs_rule = what == 'slides' and 'outline' in args.ways
         threshold = naive_threshold(recogniser, args.seconds) if needs_rule else np.inf
         found = measure(recogniser, what, args.count, threshold, args.ways, args.speeds)
-        if what == 'slides':  # a run may measure a single way, so keep the results of earlier runs
+        # a run may measure only one way of seeing the contact, so keep the results of earlier runs
+        if what == 'slides':
             print(f'naive rule: {threshold:.2f} pitches')
             FOUND.parent.mkdir(exist_ok=True)
             before = json.loads(FOUND.read_text()) if FOUND.exists() else {}

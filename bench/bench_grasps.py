@@ -1,9 +1,10 @@
-"""Count successful grasps in a physics simulation, for several ways to close and with the same starts for each way.
+"""Count successful grasps in a physics simulation for several ways of closing the gripper, each with the same starts.
 
-An item is displaced by up to 8 mm and 15 degrees. A gripper closes on the item in one of the ways of
-bench/grasp_columns.py, lifts it by 10 cm and shakes it with 1 g. At 1 g, a force of 4.9 N holds the slippery block, and
-6 N breaks the fragile block. At 2 g, no force would suit both. The same force is used for all items. It was chosen on
-seeds from 1000; the reported seeds begin at 0. The benchmark needs MuJoCo:
+Each item is displaced by up to 8 mm and turned by up to 15 degrees. A gripper closes on the item in one of the ways
+defined in bench/grasp_columns.py, lifts it by 10 cm and shakes it with an acceleration of 1 g. At 1 g, the slippery
+block needs a force of 4.9 N, and the fragile block breaks at 6 N. At 2 g, no single force would hold the slippery block
+without breaking the fragile block. The gripper uses the same force for all items. The force for all items was chosen
+with seeds from 1000 on, and the reported seeds begin at 0. The benchmark needs MuJoCo:
 
     make grasps                     # 100 starts for each column; each finished start is a line in
                                     # build/grasps/starts.jsonl, and a second run continues
@@ -11,8 +12,8 @@ seeds from 1000; the reported seeds begin at 0. The benchmark needs MuJoCo:
     python bench/bench_grasps.py --columns touch,hold --pull
     python bench/bench_grasps.py --columns touch,shape,sensor --starts 13 --items circle,square,...  # no triangles
 
-Everything runs in real time and uses two cores. On a busy machine, the nodes receive frames too late and stop the
-gripper.
+The simulation and the nodes run in real time and use two cores. On a busy machine, the nodes receive frames too late
+and stop the gripper.
 """
 
 import argparse
@@ -39,29 +40,29 @@ from examples.simulated_gripper.items import ITEMS
 from examples.simulated_gripper.world import AIM, SIDES, Place, random_place
 
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
-OWN_SESSION = ('hold', 'sensor')  #: Columns that need other parameters or another world.
-ENDS = ('held', 'dropped', 'broken', 'refused')  #: Refused: the planner gave up before the item was squeezed.
+OWN_SESSION = ('hold', 'sensor')  #: Columns that need a separate session, with other parameters or another world.
+ENDS = ('held', 'dropped', 'broken', 'refused')  #: A start is refused if the planner gives up before the squeeze.
 SPEEDS = 0.005, 0.02, 0.05  # closing speeds [m/s]
-REPEATS = 5  # number of closes at each speed
-LIMIT = 3.0  # limit of the force [N]
-OPENED = 0.055  # gap of the open gripper [m]
+REPEATS = 5  # number of closing goals per start, speed and force limit
+LIMIT = 3.0  # force limit [N]
+OPENED = 0.055  # gap to which the gripper opens [m]
 FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
-FRAME_RATE = 10  # of the film [frames per second]
-FILM_PRESSURE = 40e3  # pressure of the brightest colour [Pa]
+FRAME_RATE = 10  # frame rate of the film [1/s]
+FILM_PRESSURE = 40e3  # pressure shown in the brightest colour [Pa]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--starts', type=int, default=10, help='number of starts of each item (default: %(default)s)')
+    parser.add_argument('--starts', type=int, default=10, help='number of starts per item (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='first seed (default: %(default)s)')
     parser.add_argument('--items', default=','.join(ITEMS), metavar='NAME,...')
     parser.add_argument('--columns', default=','.join(COLUMNS), metavar='NAME,...')
     parser.add_argument('--output', type=Path, metavar='FILE')
     parser.add_argument('--report', action='store_true', help='report the finished starts')
     parser.add_argument('--pull', action='store_true',
-                        help='after the lift, pull the item down with more force than friction carries; no shake')
+                        help='pull the item down harder than friction can hold, instead of shaking it')
     parser.add_argument('--latency', action='store_true',
-                        help='measure the time from a touch to the stop, and the force beyond a limit')
+                        help='measure the delay from touch to stop, and the overshoot beyond a force limit')
     parser.add_argument('--film', type=Path, metavar='GIF',
                         help='film a grasp of the first item and seed in column shape')
     args = parser.parse_args()
@@ -80,7 +81,7 @@ def main() -> None:
 
 
 def start_of(name: str, seed: int) -> Place:
-    """Return the place of the item, which is different for each item and seed."""
+    """Return the random start place for an item and a seed."""
     return random_place(seed + 10_000 * [*ITEMS].index(name))
 
 
@@ -115,7 +116,7 @@ def run(args: argparse.Namespace, link: Path) -> None:
 
 
 def report(found: dict, args: argparse.Namespace) -> None:
-    """Print and draw the results of the starts that are finished in every column."""
+    """Print and plot the results of all starts that are finished in every column."""
     seeds = range(args.seed, args.seed + args.starts)
     starts = [(name, seed) for name in args.items for seed in seeds
               if all((column, name, seed) in found for column in args.columns)]
@@ -189,7 +190,7 @@ def _draw(rows: dict[str, list[list[int]]], args: argparse.Namespace, file: Path
 
 
 def measure_latency(args: argparse.Namespace, link: Path) -> None:
-    """Measure the delay from a touch to the stop, and the force beyond a limit, for closes on a centred item."""
+    """Close on a centred item, and measure the delay from touch to stop and the overshoot beyond a force limit."""
     from grasp_columns import closed
     from grasp_session import PARAMETERS, Session, WatchedWorld
     for speed in SPEEDS:
@@ -215,7 +216,7 @@ def measure_latency(args: argparse.Namespace, link: Path) -> None:
 
 
 def film(args: argparse.Namespace, link: Path) -> None:
-    """Record a grasp in real time, and draw the scene and the pressures on both pads afterwards."""
+    """Record a grasp in real time, and then draw a film of the scene and of the pressures on both pads."""
     import mujoco
     from grasp_columns import grasped
     from grasp_session import Session, WatchedWorld
@@ -245,7 +246,7 @@ def film(args: argparse.Namespace, link: Path) -> None:
         images.append(Image.new('RGB', (660, 360)))
         images[-1].paste(Image.fromarray(render(world)).resize((480, 360)), (0, 0))
         images[-1].paste(pads, (480, 0))
-    palette = images[-1].quantize(96)  # with the pads pressed
+    palette = images[-1].quantize(96)  # the last image contains the colours of pressed pads
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     images[0].save(args.film, save_all=True, append_images=images[1:], duration=round(1e3 / FRAME_RATE), loop=0)
 

@@ -1,14 +1,17 @@
-"""Measure recognition of partly hidden contacts: share of right and of confident wrong answers. Part of `make bench`.
+"""Measure how many answers for partly hidden contacts are right, and how many are wrong but confident.
 
-The first table has contacts of 12-100 taxels in general position, with nominal pressures (1 % noise, blur, tilt) and
-on/off. There are 600 contacts for each case, and 2000 with dead taxels. The hidden taxels are lost TPDOs of 8 taxels
-in a row, or dead taxels anywhere. Lost TPDOs lie anywhere over the contact, or they form adjacent rows of 8 columns or
-of the whole pad. The recogniser answers once without and once with several readings of the hidden taxels
-(`shape/completion.py`). The weights of the readings were chosen on validation seeds.
+The script is part of `make bench`.
 
-The second table has whole sessions: contacts of 40-100 taxels on a 16x16 pad with 32 TPDOs, some of which never arrive.
-It shows single frames as shipped, and ten fused frames. The third table has contacts with few hidden taxels, and the
-same contacts without hidden taxels.
+The first table covers contacts of 12-100 taxels at random positions, as nominal pressures (1 % noise, blur, tilt) and
+as on/off patterns. Each case has 600 contacts, or 2000 contacts if taxels are dead. Taxels are hidden because they are
+dead, or because a TPDO with 8 taxels of one row is lost. The lost TPDOs are scattered over the contact, or they hide
+adjacent rows that are 8 columns or the whole pad wide. The recogniser runs once on the visible taxels alone, and once
+on several completions of the hidden taxels (`shape/completion.py`). The weights of the completions were chosen with
+validation seeds.
+
+The second table covers whole sessions with contacts of 40-100 taxels on a 16x16 pad with 32 TPDOs. Some of the 32 TPDOs
+never arrive. The second table compares single frames with ten fused frames, both with default settings. The third table
+shows the results for contacts with few hidden taxels, and for the same contacts fully visible.
 """
 
 import sys
@@ -36,7 +39,7 @@ from training.ground_truth.seeds import Purpose, generator
 PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01)
 AREAS, TPDO, SURE = (12, 100), 8, 0.9
 PAD, PAD_TPDOS, LOST_AREAS, LOST_CONTACTS, LOST_SEED = 16, 32, (40, 100), 500, 34_000
-LITTLE = 0.15  #: Share of the contact and of the taxels around it, below which little is hidden.
+LITTLE = 0.15  #: Upper limit for few hidden taxels, as a share of the contact and the taxels around it.
 LITTLE_CONTACTS = 2000
 LITTLE_MISSING = (1, 10)  #: Smallest and largest number of missing TPDOs.
 LITTLE_SEED = 35_000
@@ -66,7 +69,7 @@ def main() -> None:
 
 
 def lost_tpdos() -> None:
-    """Print a table of sessions in which some of the PAD_TPDOS TPDOs are missing, anywhere or in a row."""
+    """Print a table of sessions in which some of the PAD_TPDOS TPDOs are missing, either scattered or consecutive."""
     recogniser = make_recogniser()
     print('\n| missing TPDOs | frames | wrong and sure, one frame | fused | little hidden: right and sure, one frame '
           '| fused |\n' + '| --- ' * 6 + '|')
@@ -90,7 +93,7 @@ def lost_tpdos() -> None:
 
 
 def little_hidden() -> None:
-    """Print how many contacts with less than LITTLE hidden are right, and how many without hidden taxels."""
+    """Print the rates for contacts with a hidden share below LITTLE, and for the same contacts fully visible."""
     recogniser = make_recogniser()
     print(f'\n| less than {LITTLE:.0%} hidden | contacts | right | right, all seen | wrong and sure |\n'
           + '| --- ' * 5 + '|')
@@ -110,7 +113,7 @@ def little_hidden() -> None:
 
 def session(rng: np.random.Generator, name: str, missing: int, in_a_row: bool,
             on_off: bool) -> tuple[Shape, list[ContactPattern], float]:
-    """Return the shape, the patterns of ten frames, and the hidden share of the contact and the taxels around it."""
+    """Return the true shape, ten patterns, and the hidden share of the contact and the taxels around it."""
     contact, lost, press = _on_pad(rng, name), lost_taxels(rng, missing, in_a_row), thresholds(on_off)
     frames = [read_contact(rng, contact, on_off) for _ in range(1 if on_off else 10)]
     patterns = [PatternExtractor(press).extract(np.where(lost, np.nan, frame)) for frame in frames]
@@ -148,7 +151,7 @@ def misleads(truth: Shape, found: Recognition) -> bool:
 
 
 def contacts(kind: str, amount: float, on_off: bool) -> list[tuple[Shape, ContactPattern]]:
-    """Return shapes and patterns of contacts, without contacts of which nothing is seen."""
+    """Return the true shapes and the patterns of all contacts that are at least partly visible."""
     rng, found = generator(Purpose.EVALUATION, 32_000 + int(10 * amount) + 100 * on_off), []
     press = 0.5 if on_off else 0.25
     for k in range(2000 if kind == 'dead' else 600):
@@ -163,7 +166,7 @@ def contacts(kind: str, amount: float, on_off: bool) -> list[tuple[Shape, Contac
 
 
 def hidden(rng: np.random.Generator, pressed: np.ndarray, kind: str, amount: float) -> np.ndarray:
-    """Return the hidden taxels, bool (rows, cols)."""
+    """Return a boolean (rows, cols) array of the hidden taxels."""
     taxels = np.zeros(pressed.shape, bool)
     rows, cols = np.flatnonzero(pressed.any(1)), np.flatnonzero(pressed.any(0))
     blocks = range((cols[0] - 1) // TPDO, (cols[-1] + 1) // TPDO + 1)

@@ -1,19 +1,19 @@
-"""Measure the cost of the nodes of a gripper: start, memory, CPU and latency, in one process and in several.
+"""Measure start time, memory, CPU load and latency of a gripper's nodes, in one process and in several.
 
-The gripper has two pads of 16x16 taxels with --rate frames per second; 109 frames per second are 95 % of the capacity
-of the wire. The simulated skin is a separate process behind a pseudo-terminal (slcan), like an adapter. It sends each
-CAN frame at the time at which a wire would have carried it. This process is the consumer. The script prints the median
-of --repeat runs of each form, and the quietest run:
+The gripper has two pads of 16x16 taxels, each with --rate frames per second. A rate of 109 uses 95 % of the capacity of
+the bus. The simulated skin runs in a separate process behind a pseudo-terminal, like a serial CAN adapter (slcan). The
+simulated skin sends each CAN frame at the time at which a real bus would have carried it. The script itself is the
+consumer. For each form, the script prints the median of --repeat runs and the quietest run:
 
     python bench/bench_launch.py [--repeat 5] [--seconds 20] [--rate 50] [--against OTHER/.venv] [FORM ...]
 
-The nodes compute only topics that have a subscriber. With --grasp, the consumer subscribes to `grasp` alone, as a
-planner does, and counts the SYNC messages for which both pads arrive in one grasp. --against measures another
-installation alternately with this one, so that both run on the same machine in the same minutes.
+The nodes compute only topics that have a subscriber. With --grasp, the consumer subscribes only to `grasp`, as a
+planner does, and counts the SYNC messages for which both pads arrive in one grasp. The option --against alternates runs
+of this installation with runs of another one, so that both are measured on the same machine in the same minutes.
 
-On a busy machine, the results are too high. Each run therefore waits until the machine is idle, for at most --patience
-seconds. The script prints the load of other processes during the runs. The quietest run is the one with the smallest
-load of other processes.
+The results are too high on a busy machine. Each run therefore waits up to --patience seconds for an idle machine. The
+script also prints the CPU load of other processes during each run. The quietest run is the run with the lowest load
+from other processes.
 """
 
 import argparse
@@ -31,11 +31,11 @@ from pathlib import Path
 PADS, NODE_IDS = ('left', 'right'), '32,64'
 BRINGUP = ('bringup', '--pads', ','.join(PADS))
 OF_BUS = ('--interface', 'slcan', '--node-id', NODE_IDS, '--channel')
-#: The processes of each form, as arguments of `tactile bringup`. The last process is that of the driver.
+#: Arguments of `tactile bringup` for each process of a form. The last process runs the driver.
 FORMS = {
     'one': [()],
     'driver_apart': [('--side', 'perception'), ('--side', 'bus')],
-    'executables': []}  # one process for each node, as `ros2 run` starts them
+    'executables': []}  # one process per node, as started by `ros2 run`
 ROWS = {'first_shapes': 'time from the start to a shape of both pads [s]',
         'start_cpu': 'CPU time of all processes until then [s]', 'pss': 'PSS of all processes [MB]',
         'largest': 'PSS of the largest process [MB]', 'cpu': 'CPU load of all processes [% of one core]',
@@ -48,12 +48,12 @@ ROWS = {'first_shapes': 'time from the start to a shape of both pads [s]',
         'both': 'SYNC messages for which both pads arrived in one grasp [%]',
         'both_p50': 'time from SYNC to the first such grasp, median [ms]', 'both_p99': '..., p99',
         'others': 'CPU load of all other processes, without skin and consumer [% of one core]'}
-START_TIMEOUT = 60.0  #: Time allowed for the start [s].
-SETTLE = 3.0          #: Waiting time after the first shapes [s].
+START_TIMEOUT = 60.0  #: Time allowed for the nodes to start [s].
+SETTLE = 3.0          #: Pause between the first shapes and the measurement [s].
 IDLE = 0.15           #: Load below which the machine counts as idle [cores].
 TOPICS = ('taxels', 'shape', 'carried_taxels', 'carried_shape', 'both')
-ANSWER = 55e-6 + 300e-6  #: Duration of SYNC, and delay of the simulated skin [s].
-SWEEP = 32 * 135e-6      #: Duration of the TPDOs of a pad on the wire [s].
+ANSWER = 55e-6 + 300e-6  #: Duration of a SYNC message plus the delay of the simulated skin [s].
+SWEEP = 32 * 135e-6      #: Time that the TPDOs of one pad occupy the bus [s].
 TICKS = os.sysconf('SC_CLK_TCK')
 
 
@@ -61,12 +61,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('forms', nargs='*', default=['one', 'driver_apart'], metavar='FORM')
     parser.add_argument('--repeat', type=int, default=3)
-    parser.add_argument('--seconds', type=float, default=20.0, help='length of a measurement')
+    parser.add_argument('--seconds', type=float, default=20.0, help='duration of a measurement [s]')
     parser.add_argument('--rate', type=float, default=50.0, help='SYNC messages per second (default: %(default)s)')
     parser.add_argument('--patience', type=float, default=60.0, help='longest wait for an idle machine [s]')
     parser.add_argument('--against', type=Path, help='virtual environment of another installation')
-    parser.add_argument('--grasp', action='store_true', help='subscribe to grasp alone')
-    parser.add_argument('--single', action='store_true', help='one run of one form, as JSON')
+    parser.add_argument('--grasp', action='store_true', help='subscribe only to grasp')
+    parser.add_argument('--single', action='store_true', help='run one form once, and print JSON')
     args = parser.parse_args()
     if args.single:
         print(json.dumps(measured(args.forms[0], args.seconds, args.rate, args.grasp)))
@@ -89,7 +89,7 @@ def main() -> int:
 
 
 def run_once(prefix: Path, form: str, args: argparse.Namespace) -> dict[str, float]:
-    """Return one run in a separate process, with interpreter and messages of the installation at ``prefix``."""
+    """Run one measurement in a separate process, with interpreter and messages of the installation at ``prefix``."""
     environment = {name: value for name, value in os.environ.items()
                    if name not in ('LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE')}
     environment |= {'AMENT_PREFIX_PATH': str(prefix), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
@@ -100,7 +100,7 @@ def run_once(prefix: Path, form: str, args: argparse.Namespace) -> dict[str, flo
 
 
 def measured(form: str, seconds: float, rate: float, of_grasp: bool) -> dict[str, float]:
-    """Start skin and nodes, measure for ``seconds``, and stop them."""
+    """Start the skin and the nodes, measure for ``seconds``, and stop the processes."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         channel = f'{folder}/skin'
@@ -139,7 +139,7 @@ def measured(form: str, seconds: float, rate: float, of_grasp: bool) -> dict[str
 
 
 class Consumer:
-    """Subscribes to taxels and shapes of all pads. ``late`` holds the times from acquisition stamp to arrival [s]."""
+    """Subscribes to the taxels and shapes of all pads, and records their delays since acquisition in ``late`` [s]."""
 
     def __enter__(self) -> 'Consumer':
         import rclpy
@@ -148,7 +148,7 @@ class Consumer:
         rclpy.init()
         self.node = rclpy.create_node('consumer')
         self.late: dict[str, list[float]] = {topic: [] for topic in TOPICS}
-        self.pads: set[str] = set()  # pads of which a shape has arrived
+        self.pads: set[str] = set()  # pads whose shape has arrived
         self.subscribe()
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
@@ -163,7 +163,7 @@ class Consumer:
                                           lambda message, pad=pad: self._on_shape(pad, message), 50)
 
     def counted(self, elapsed: float, rate: float) -> dict[str, float]:
-        """Return the counts of the last ``elapsed`` seconds at ``rate`` SYNC messages per second."""
+        """Return the counts over ``elapsed`` seconds, measured with ``rate`` SYNC messages per second."""
         return {'rate': len(self.late['shape']) / len(PADS) / elapsed}
 
     def __exit__(self, *exception) -> None:
@@ -192,11 +192,11 @@ class Consumer:
 
 
 class GraspConsumer(Consumer):
-    """Subscribes to `grasp` alone, as a planner does."""
+    """Subscribes only to `grasp`, as a planner does."""
 
     def subscribe(self) -> None:
         from tactile_skin.msg import Grasp
-        self._last = 0  # sequence of the newest SYNC of which both pads have arrived
+        self._last = 0  # sequence number of the newest SYNC for which both pads have arrived
         self.node.create_subscription(Grasp, 'grasp', self._on_grasp, 50)
 
     def counted(self, elapsed: float, rate: float) -> dict[str, float]:
@@ -204,7 +204,7 @@ class GraspConsumer(Consumer):
 
     def _on_grasp(self, message) -> None:
         self.pads |= {pad for pad, state in zip(PADS, message.side_states) if state}
-        sides = getattr(message, 'sides', ())  # messages of commit 23bca48 have sides
+        sides = getattr(message, 'sides', ())  # Grasp messages of the old commit 23bca48 have ``sides``
         left, right = (side.sequence for side in sides) if sides else message.sequences
         if left == right > self._last:
             self._last = left
@@ -212,7 +212,7 @@ class GraspConsumer(Consumer):
 
 
 def lateness(message) -> float:
-    """Return the time from the acquisition stamp until now [s]."""
+    """Return the time since the acquisition stamp [s]."""
     return time.time() - message.header.stamp.sec - message.header.stamp.nanosec * 1e-9
 
 
@@ -222,7 +222,7 @@ def started(words: list[str], **options) -> subprocess.Popen:
 
 
 def executables(channel: str, rate: float) -> list[subprocess.Popen]:
-    """Start each node by its own executable."""
+    """Start each node as a separate process."""
     driver = ['-p', 'interface:=slcan', '-p', f'channel:={channel}', '-p', f'node_ids:=[{NODE_IDS}]', '-p',
               f'pads:=[{",".join(PADS)}]', '-p', f'sync_period:={1 / rate}']
     nodes = [(role, ['-r', f'__ns:=/{pad}']) for pad in PADS for role in ('processor', 'classifier')]
@@ -239,19 +239,19 @@ def ended(processes: list[subprocess.Popen]) -> None:
 
 
 def cpu_seconds(processes: list[subprocess.Popen]) -> float:
-    """Return the user and system time of the processes [s] (proc(5), stat)."""
+    """Return the user and system CPU time of the processes [s] from /proc/PID/stat (proc(5))."""
     fields = [Path(f'/proc/{process.pid}/stat').read_text().rsplit(')', 1)[1].split() for process in processes]
     return sum(int(each[11]) + int(each[12]) for each in fields) / TICKS
 
 
 def busy_seconds() -> float:
-    """Return the busy time of all processors [s]: the first line of /proc/stat without idle and iowait (proc(5))."""
+    """Return the busy time of all processors [s] from /proc/stat, without idle and iowait (proc(5))."""
     fields = [int(word) for word in Path('/proc/stat').read_text().split('\n', 1)[0].split()[1:9]]
     return (sum(fields) - fields[3] - fields[4]) / TICKS
 
 
 def wait_until_idle(patience: float) -> None:
-    """Wait until the load was below IDLE for one second, for at most ``patience`` seconds."""
+    """Wait until the load stays below IDLE for one second, but at most ``patience`` seconds."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
         before = busy_seconds()
@@ -267,7 +267,7 @@ def pss(process: subprocess.Popen) -> float:
 
 
 def percentile(values: list[float], share: int) -> float:
-    """Return a percentile of ``values`` [s] in milliseconds."""
+    """Return a percentile of ``values`` [s], converted to milliseconds."""
     return 1e3 * sorted(values)[min(len(values) - 1, len(values) * share // 100)]
 
 

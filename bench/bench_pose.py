@@ -1,9 +1,10 @@
-"""Measure accuracy and time of pose, size, their covariance and fusion, and compare them with simple alternatives.
+"""Measure the accuracy and cost of pose, size, covariance and fusion, and compare them with simple alternatives.
 
 Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate]
-The script writes docs/pose_results.md and the tables of this page, measured on evaluation seeds. With --page, it
-measures nothing and writes the page again from the recorded tables. With --calibrate, it only prints the factors of
-tactile_node/pose/model_error.py, found on training seeds.
+
+The script writes docs/pose_results.md and the tables for this page, measured with evaluation seeds. With --page, the
+script measures nothing and rewrites the page from the recorded tables. With --calibrate, the script only prints
+corrections to the factors in tactile_node/pose/model_error.py, measured with training seeds.
 """
 
 import argparse
@@ -13,7 +14,7 @@ from pathlib import Path
 from time import process_time
 
 for library in ('OPENBLAS', 'OMP', 'MKL'):
-    os.environ[f'{library}_NUM_THREADS'] = '1'  # read when numpy is imported
+    os.environ[f'{library}_NUM_THREADS'] = '1'  # numpy reads these variables when it is imported
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
@@ -35,20 +36,20 @@ from training.ground_truth.seeds import Purpose, generator
 
 AREA = 50
 AREAS = (12, 20, 35, 50, 100)
-#: Required medians at N = 50 on clean pressure frames.
+#: Required medians for contacts of 50 taxels on clean pressure frames.
 TARGETS = {'centre': 0.05, 'angle': 1.5, 'length': 2.0}
 SEED = 5
 
 
 class Report:
-    """Writes tables and notes about them to the terminal and into ``folder``, the folder of the recorded tables."""
+    """Prints tables and their notes, and records them in ``folder``."""
 
     def __init__(self, folder: Path):
         self.folder = folder
         self.said: list[str] = []
 
     def say(self, line: str) -> None:
-        """Keep a note about the next table."""
+        """Print a note, and keep it for the next table."""
         print(line, flush=True)
         self.said.append(line)
 
@@ -84,14 +85,14 @@ class Fitted:
         self.handedness = [same_handedness(fit, sample.contact) for fit, sample in pairs]
 
     def distances(self) -> np.ndarray:
-        """Squared Mahalanobis distance of the truth, as a share of that of the 95 % region; below 1 if inside."""
+        """Return the squared Mahalanobis distance of the truth, in units of the edge of the 95 % region."""
         vectors = [each.vector for each in self.errors]
         squared = [vector @ np.linalg.solve(fit.covariance, vector) for fit, vector in zip(self.fits, vectors)]
         return np.array(squared) / chi2.ppf(0.95, len(vectors[0]))
 
 
 def median(values) -> str:
-    """Return the median with a 95 % interval from order statistics, which is valid for every distribution."""
+    """Return the median and its 95 % interval from order statistics, which is valid for any distribution."""
     values = np.sort([value for value in values if value == value])
     if not len(values):
         return '-'
@@ -169,7 +170,7 @@ def corners(report: Report, fitted: dict) -> None:
 
 
 def times(report: Report, fitted: dict) -> None:
-    """Report the 10th percentile, median and 95th percentile of the time of a fit [ms]."""
+    """Report the 10th percentile, median and 95th percentile of the time per fit [ms]."""
     rows = [[condition, *(f'{np.percentile(of.times, 10):.2f}; {np.median(of.times):.2f}; '
                           f'{np.percentile(of.times, 95):.2f}' for of in (fitted[condition, s] for s in CLASSES))]
             for condition in CONDITIONS]
@@ -189,7 +190,7 @@ def times(report: Report, fitted: dict) -> None:
 
 
 def calibrate(count: int) -> None:
-    """Print the factor that each kind of fit needs, over all conditions and areas, on training seeds."""
+    """Print the factor by which to multiply the covariance of each kind of fit, measured with training seeds."""
     for shape in CLASSES:
         for name, chosen in (('pressure', [c for c in CONDITIONS if c != 'on/off']), ('on/off', ['on/off'])):
             shares = np.concatenate([Fitted(shape, condition, area, count * (6 if name == 'on/off' else 1),
@@ -201,7 +202,7 @@ def calibrate(count: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--patterns', type=int, default=200, help='contacts of each shape and condition; default 200')
+    parser.add_argument('--patterns', type=int, default=200, help='contacts per shape and condition, default 200')
     parser.add_argument('--calibrate', action='store_true')
     parser.add_argument('--page', action='store_true', help='only write the page from the recorded tables')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs')

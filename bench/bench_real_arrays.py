@@ -1,11 +1,11 @@
-"""Measure how well contacts on real arrays are recognised by the recogniser as shipped, without options.
+"""Measure how well the recogniser with default settings recognises contacts on real arrays.
 
     python bench/bench_real_arrays.py --tekscan DIR --weiss DIR --vitac DIR [--labels FILE] [--weights FILE] [--network]
 
-Each DIR is a copy of a public repository: TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
-peter-kiechle/tactile-sensors or jsheng45/ViTac-Tactile-Sensing. If a copy is missing, the script prints one line about
-it. Each row of the table is a visible class. The intervals are bootstraps over objects; all pads of a grasp belong to
-one object.
+Each DIR is a local copy of a public repository: TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
+peter-kiechle/tactile-sensors or jsheng45/ViTac-Tactile-Sensing. The script prints one line for each missing copy. Each
+row of the table covers one visible class on one array. The intervals are computed by bootstrap over objects, so that
+all pads of a grasp stay together.
 """
 
 import argparse
@@ -31,7 +31,7 @@ SURE = 0.9
 WITHOUT_SHAPE = ('foreign', 'none')  #: Labels for which any of the five shapes is a wrong answer.
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
 SEED, DRAWS = 20_261_123, 2000
-BINS = 10  #: Number of confidence intervals from which the calibration error is computed.
+BINS = 10  #: Number of confidence bins for the calibration error.
 
 
 class Answer(NamedTuple):
@@ -58,14 +58,14 @@ class Answer(NamedTuple):
 def answers(labelled: list[Labelled], data: Path, weights: str, network: bool) -> list[Answer]:
     recogniser = make_recogniser(file=weights)
     if network:
-        recogniser = recogniser._method  # the network without the rules in front of it
+        recogniser = recogniser._method  # keep only the network, without the rules that run before it
     frames = read_frames(labelled[0].array, data, [one.frame for one in labelled])
     return [Answer(one, recogniser.recognise(PatternExtractor().extract(frame)))
             for one, frame in zip(labelled, frames)]
 
 
 def interval(found: list[Answer]) -> tuple[float, float]:
-    """Return the 95 % interval of the share of right answers, by bootstrap over objects."""
+    """Return the 95 % bootstrap interval of the share of right answers, resampled by object."""
     by_object = defaultdict(list)
     for answer in found:
         by_object[answer.of.object].append(answer.is_right)
@@ -88,7 +88,7 @@ def rows_of(array: str, found: list[Answer]) -> list[tuple]:
 
 
 def worst_objects(found: list[Answer]) -> str:
-    """Return the share of right answers for each object and visible class, the worst first."""
+    """Return the share of right answers for each object and visible class, sorted from worst to best."""
     by_object = defaultdict(list)
     for answer in found:
         by_object[f'{answer.of.object} ({answer.of.label})'].append(answer.is_right)
@@ -97,7 +97,7 @@ def worst_objects(found: list[Answer]) -> str:
 
 
 def calibration(found: list[Answer]) -> tuple[float, float]:
-    """Return the expected calibration error of the answers, and the mean log score of the label [nat]."""
+    """Return the expected calibration error of the answers, and the mean log score of the true labels [nat]."""
     confidence = np.array([answer.found.confidence for answer in found])
     right = np.array([answer.is_right for answer in found], float)
     given = [max(float(answer.found.probabilities[Shape(answer.wanted)]), 1e-6) for answer in found]
@@ -114,7 +114,7 @@ def main() -> int:
         parser.add_argument(f'--{array}', type=Path, help=f'folder with {place}')
     parser.add_argument('--labels', type=Path, default=LABELS)
     parser.add_argument('--weights', default='', help='model to use instead of config/recogniser.npz')
-    parser.add_argument('--network', action='store_true', help='leave out the rules in front of the network')
+    parser.add_argument('--network', action='store_true', help='skip the rules that run before the network')
     args = parser.parse_args()
     every = read_labels(args.labels)
     table = Table('Real arrays', f'largest visible contact, frame by frame; sure: confidence {SURE} or more',

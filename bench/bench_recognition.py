@@ -1,12 +1,14 @@
-"""Measure how well shapes are recognised, and compare with a small CNN and with OpenCV contours and 300 trees.
+"""Measure our shape recognition, and compare it with a small CNN and with 300 trees on OpenCV contour features.
 
-Run by `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]. The script
-trains the CNN and the trees (the anchors) on the samples of `make train`. It writes tables/, blind_spots.csv, the pages
-and a picture.
+Run `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]
 
-With --page FOLDER, the script measures nothing and writes the pages again from the tables in FOLDER. With --validation,
-it uses seeds and families of foreign and blemished figures that are never reported; choices in the training are made
-with these. With --alone, it leaves out the anchors and needs neither torch nor OpenCV, so .venv/bin/python can run it.
+The script trains the CNN and the trees, called the anchors, on the samples of `make train`. The script then writes
+tables/, blind_spots.csv, the pages and a picture.
+
+With --page FOLDER, the script measures nothing and rewrites the pages from the tables in FOLDER. With --validation, the
+script uses seeds and families of foreign and blemished figures that are never reported. Use --validation for choices
+about the training. With --alone, the script skips the anchors and needs neither torch nor OpenCV, so that
+.venv/bin/python can run it.
 """
 
 import argparse
@@ -42,7 +44,7 @@ from training.ground_truth.seeds import Purpose
 
 
 class Clock:
-    """Prints progress messages with the time since the start."""
+    """Prints progress messages, each with the seconds since the start in front."""
 
     def __init__(self):
         self._begin = perf_counter()
@@ -70,15 +72,15 @@ def main() -> int:
         found[name] = section
         for table in section:
             print(table.plain(), flush=True)
-        # after each section, so that an interrupted run leaves a report
+        # write the report after each section, so that an interrupted run leaves one
         write_report([name for name in args.only if name in found], found, args)
     clock(f'written to {args.output}')
     return 0
 
 
 def trained_anchors(args: argparse.Namespace, amount: Amount, clock: Clock) -> dict[bool, list]:
-    """Train the CNN and the trees, and return them by kind of frame."""
-    import cv2  # like torch, only in .venv-bench
+    """Train the CNN and the trees, and return both for each kind of frames."""
+    import cv2  # cv2 and torch are installed only in .venv-bench
     import torch
 
     from bench.recognition.anchor_training import train_anchors
@@ -106,8 +108,11 @@ def write_pages(folder: Path, recorded: Collection[str] | None = None) -> None:
 
 
 def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, list[Table]]]:
-    """Yield the finished sections. ``jobs`` sections run at a time; those that measure time run alone at the end."""
-    fork = get_context('fork')  # forked processes share the anchors
+    """Yield each section once it is finished.
+
+    Up to ``jobs`` sections run at a time. Sections that measure time run alone at the end.
+    """
+    fork = get_context('fork')  # forked processes share the memory of the anchors
     waiting, running = sorted((name for name in names if name not in ALONE), key=lambda name: name != LONGEST), {}
     while waiting or running:
         while waiting and len(running) < jobs:
@@ -131,16 +136,16 @@ def _send(sender: Connection, run: Run, name: str) -> None:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--quick', action='store_true', help='a few minutes, wide intervals, anchors half trained')
+    parser.add_argument('--quick', action='store_true', help='run for a few minutes, with half-trained anchors')
     parser.add_argument('--only', nargs='+', choices=list(SECTIONS), default=list(SECTIONS), metavar='SECTION',
-                        help=f'sections to measure, of {", ".join(SECTIONS)}; default all')
+                        help=f'sections to measure: {", ".join(SECTIONS)} (default: all)')
     parser.add_argument('--validation', action='store_true', help='use seeds and families that are never reported')
     parser.add_argument('--page', type=Path, metavar='FOLDER', help='only write the pages from FOLDER/tables')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench_output')
     parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help='folder of the training samples')
     parser.add_argument('--jobs', type=int, default=2, help='number of processes, default %(default)s')
     parser.add_argument('--weights', default='recogniser.npz')
-    parser.add_argument('--alone', action='store_true', help='leave out the anchors and the sections about them')
+    parser.add_argument('--alone', action='store_true', help='skip the anchors and the sections about them')
     args = parser.parse_args()
     if args.alone:
         args.only = [name for name in args.only if name not in AGAINST_ANCHORS]

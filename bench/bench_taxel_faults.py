@@ -1,9 +1,12 @@
-"""Measure how many faulty taxels are found, how soon, and how many healthy taxels are reported. Part of `make bench`.
+"""Measure how many faulty taxels are found, how soon, and how many healthy taxels are reported as faulty.
 
-Random shapes of 40 to 80 taxels touch a pad of 16x16 taxels with 8 bits 100 times, for 0.4 s each, at 50 frames per
-second. They touch anywhere, and some lie half beyond the edge. Two taxels of each fault lie within the middle 10x10
-taxels. One more run has no faults. The thresholds were chosen on seeds below 10, and rules were changed after runs on
-seeds 5000 to 6009. This script uses other seeds.
+The script is part of `make bench`.
+
+Random shapes of 40 to 80 taxels touch an 8-bit pad of 16x16 taxels 100 times, for 0.4 s each, at 50 frames per second.
+The shapes touch anywhere on the pad, and some lie partly beyond its edge. Each seed has one run with two faulty taxels
+per kind of fault, and one run without faults. The faulty taxels lie within the middle 10x10 taxels. The thresholds were
+chosen with seeds below 10, and the rules were changed after runs with seeds 5000 to 6009. The script uses none of these
+seeds.
 """
 
 import sys
@@ -23,7 +26,7 @@ from tactile_node.skin.layout_file import load_layout
 
 SEEDS = range(7000, 7010)
 RATE, TOUCHES, PRESSED, RELEASED, EACH, LIMIT, NOISE = 50, 100, 20, 10, 2, 10e3, 400.0
-MARGIN = 4  #: Margin around the pad in which a contact may also lie [taxels].
+MARGIN = 4  #: Distance beyond the pad's edge to which contacts may extend [taxels].
 KINDS = tuple(kind for kind in TaxelFault if kind)
 
 
@@ -51,7 +54,7 @@ def main() -> None:
 
 
 def placed(random: np.random.Generator, rows: int, cols: int, each: int) -> np.ndarray:
-    """Return the fault of each taxel. Only taxels in the middle are faulty, because touches reach them often."""
+    """Return the fault of each taxel. Only taxels in the middle are faulty, because touches often reach the middle."""
     truth = np.zeros((rows, cols), np.uint8)
     middle = [(row, col) for row in range(3, rows - 3) for col in range(3, cols - 3)]
     chosen = random.permutation(len(middle))[:each * len(KINDS)]
@@ -97,7 +100,7 @@ def full_scale(layout) -> float:
 
 
 def cost(rows: int, cols: int, frames: int = 5000) -> float:
-    """Return the time for a frame of noise, the usual case [us]."""
+    """Return the time to process a frame without a touch, the most common kind of frame [us]."""
     detector = FaultDetector(rows, cols, LIMIT)
     values = NOISE * np.random.default_rng(0).standard_normal((100, rows, cols))
     none = np.zeros((rows, cols), bool)

@@ -1,12 +1,12 @@
-"""Teach shapes from 30 touches, and measure the recognition of these, of the five shapes and of foreign objects.
+"""Teach shapes from 30 touches, and measure the recognition of taught shapes, the five shapes and foreign objects.
 
     python bench/bench_teach.py [--quick]
 
-The script is part of `make bench` and takes about ten minutes. Each shape is taught separately from 30 touches of about
-50 taxels on a simulated 16x16 skin, and again from 30 touches computed by contact mechanics. The script then recognises
-new touches, contacts of the five shapes and the foreign figures of the recognition report, without and with the taught
-shape. `tactile teach` has seen none of these. Each touch is one frame. The seeds are those of the evaluation. The
-constants of the method were chosen on validation seeds.
+The script is part of `make bench` and takes about ten minutes. The script teaches each shape separately: once from 30
+touches of about 50 taxels on a simulated 16x16 skin, and once from 30 touches computed by contact mechanics. The script
+then recognises new touches, contacts of the five shapes and the foreign figures of the recognition report, with and
+without the taught shape. The contacts for this test were not used for teaching. Each new touch is a single frame. All
+contacts are drawn with evaluation seeds. The constants of the teaching method were chosen with validation seeds.
 """
 
 import argparse
@@ -48,11 +48,11 @@ from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.seeds import Purpose, generator
 
 SEED, TOUCHES, AREA, PAD = 77_000, 30, 50.0, 16
-LOADS = (0, 0, 0.3, 0.8, 1, 1, 1, 1, 0.7, 0.2, 0)  #: Load in each frame of a touch.
+LOADS = (0, 0, 0.3, 0.8, 1, 1, 1, 1, 0.7, 0.2, 0)  #: Relative load in each frame of a touch.
 FULL = (1,)
 COUNTS = {'touches': 400, 'of each size': 500, 'mechanics': 120, 'foreign': 50}
 SIZES = (25.0, 40.0, 50.0, 63.0, 100.0)
-#: Families of foreign figures that are the taught shape.
+#: Families of foreign figures that have the same shape as a taught shape.
 SAME = {'cross': ('cross',), 'l': ('L',), 'slot': ('ellipse',)}
 
 
@@ -104,7 +104,7 @@ def taught_by(world, rng: np.random.Generator, silhouette: Silhouette, backgroun
 
 def generated(rng: np.random.Generator, silhouette: Silhouette, count: int,
               loads: Sequence[float] = LOADS) -> Iterator[np.ndarray]:
-    """Yield frames of touches by the generator, which draws blurred coverage with tilt and noise."""
+    """Yield frames of touches from the generator, which draws blurred coverage with tilt and noise."""
     for _ in range(count):
         figure = random_figure(rng, silhouette, AREA * rng.uniform(0.95, 1.05), PAD, PAD)
         pressure, tilt, blur = rng.uniform(0.2, 0.8), rng.uniform(-0.03, 0.03, 2), rng.uniform(0.3, 0.7)
@@ -115,7 +115,7 @@ def generated(rng: np.random.Generator, silhouette: Silhouette, count: int,
 
 def computed(rng: np.random.Generator, silhouette: Silhouette, count: int,
              loads: Sequence[float] = LOADS) -> Iterator[np.ndarray]:
-    """Yield frames of touches by contact mechanics: one punch with a rounded edge on one skin, at random tilts."""
+    """Yield frames of touches by one punch with a rounded edge at random tilts, computed by contact mechanics."""
     punch = punch_of(silhouette, compression=0.03, rounding=0.02)
     depth = rng.uniform(0.3, 0.7)
     solutions = [mechanics.solved(punch, rng.uniform(0, 0.3), rng.uniform(0, 2 * np.pi)) for _ in range(min(count, 30))]
@@ -129,7 +129,7 @@ def computed(rng: np.random.Generator, silhouette: Silhouette, count: int,
 
 
 def punch_of(silhouette: Silhouette, compression: float, rounding: float) -> Indenter:
-    """Return a prism of area 1. ``rounding`` is that of its edge, as a fraction of the root of its area."""
+    """Return a prism with this silhouette and an area of 1, whose edge is rounded with the radius ``rounding``."""
     upright = Figure(silhouette, 1.0, x=0.0, y=0.0)
     rows, cols = (silhouette.distance > 0).nonzero()
     x, y = (cols - silhouette.middle[0]) * upright.cell, (rows - silhouette.middle[1]) * upright.cell
@@ -148,7 +148,7 @@ def firm(frames: Iterator[np.ndarray]) -> list[ContactPattern]:
 
 
 def five_contacts(counts: dict[str, int]) -> Iterator[tuple[tuple[str, bool], ContactPattern]]:
-    """Yield (shape, True for about 50 taxels) and pattern of contacts by the generator and by contact mechanics."""
+    """Yield ((shape, True if about 50 taxels), pattern) for contacts from the generator and from contact mechanics."""
     rng = generator(Purpose.EVALUATION, SEED + 9000)
     for area in SIZES:
         for k in range(counts['of each size'] * (2 if area == AREA else 1)):
@@ -164,7 +164,7 @@ def five_contacts(counts: dict[str, int]) -> Iterator[tuple[tuple[str, bool], Co
 
 
 def foreign_contacts(count: int) -> Iterator[tuple[str, ContactPattern]]:
-    """Yield family and pattern of ``count`` figures of each family, with 35 to 70 taxels."""
+    """Yield (family, pattern) for ``count`` figures of each foreign family, with 35 to 70 taxels."""
     for number, (family, drawing) in enumerate(foreign.FAMILIES.items()):
         rng = generator(Purpose.EVALUATION, SEED + 9100 + number)
         for stamp in foreign.bank(rng, family, drawing, count):
@@ -173,7 +173,7 @@ def foreign_contacts(count: int) -> Iterator[tuple[str, ContactPattern]]:
 
 
 def loss(cases: list[tuple[bool, bool, bool]]) -> str:
-    """Return by how many percentage points the recognition of the five shapes falls."""
+    """Return the drop in the recognition rate of the five shapes, in percentage points, and the rate before."""
     was, now = (np.mean([each[k] for each in cases]) for k in (0, 1))
     return f'{100 * (was - now):.2f} of {100 * was:.1f} %'
 

@@ -1,4 +1,4 @@
-"""Simulated contacts for bench_events.py: contacts of contact mechanics that are held, slide or turn."""
+"""Simulate contacts that are held, slide or turn, for bench_events.py, with the methods of contact mechanics."""
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
@@ -23,15 +23,15 @@ GAIN_DRIFT = 0.05     #: Largest relative drift of the gain in ten minutes.
 ZERO_DRIFT = 0.01     #: Largest drift of the zero in ten minutes [fraction of full scale].
 HUM = 0.005           #: Largest amplitude of the mains hum [fraction of full scale].
 SHAKE = 0.2           #: Amplitude of the varying force [fraction of the force].
-SHAKEN = (5.0, 15.0)  #: Range of its frequency [Hz].
-STILL = 0.6           #: Rest after a movement [s].
-BEFORE = 1.5          #: Rest before a movement [s].
+SHAKEN = (5.0, 15.0)  #: Range of frequencies of the varying force [Hz].
+STILL = 0.6           #: Time at rest after a movement [s].
+BEFORE = 1.5          #: Time at rest before a movement [s].
 QUIET = {'dx': 0.0, 'dy': 0.0, 'turn': 0.0, 'force': 1.0}
-Path: TypeAlias = Callable[[float], dict[str, float]]  #: Returns what differs from QUIET at a time [s].
+Path: TypeAlias = Callable[[float], dict[str, float]]  #: Maps a time [s] to the values that differ from QUIET.
 
 
 class Frame(NamedTuple):
-    """One frame: the reported motion, and the true place of the contact."""
+    """One frame with the reported motion and the true place of the contact."""
 
     time: float
     place: dict[str, float]
@@ -40,7 +40,7 @@ class Frame(NamedTuple):
 
 
 class Scene:
-    """A contact of one kind on a pad. ``way`` is the way to see it: outline, centre of pressure or on/off."""
+    """A contact of one kind on a pad, seen in one ``way``: by its outline, its centre of pressure or on/off values."""
 
     def __init__(self, rng: np.random.Generator, kind: str, way: str = 'outline', dead: float = DEAD):
         draw = {'ball': mechanics.random_ball, 'cylinder': mechanics.random_cylinder, 'cone': mechanics.random_cone}
@@ -49,7 +49,8 @@ class Scene:
         self._solution = mechanics.solved(indenter, tilt, towards)
         area = float(rng.choice((16, 25, 40)))
         self._field = stress_field(self._solution, area, rng.uniform(*mechanics.DEPTH))
-        self.radius = float(np.hypot(*self._solution.outline.T).max() * np.sqrt(area))  # to the farthest corner
+        # distance from the centre to the farthest corner [pitches]
+        self.radius = float(np.hypot(*self._solution.outline.T).max() * np.sqrt(area))
         self._rng, self._way, self._pressure = rng, way, rng.uniform(0.1, 0.6)
         self._x, self._y = (SIDE - 1) / 2 + rng.uniform(-0.5, 0.5, 2)
         self._angle, self._dead = rng.uniform(0, 2 * np.pi), rng.random((SIDE, SIDE)) < dead
@@ -60,7 +61,7 @@ class Scene:
     def values(self, time: float, dx: float, dy: float, turn: float, force: float) -> np.ndarray:
         """Return the taxel values of the contact.
 
-        ``dx``, ``dy`` [pitches] and ``turn`` [rad] are its displacement, ``force`` is a factor on its force.
+        ``dx``, ``dy`` [pitches] and ``turn`` [rad] displace the contact. ``force`` multiplies the force of the contact.
         """
         stress = sample(self._field, self._x + dx, self._y + dy, self._angle + turn, SIDE, SIDE)
         drift, noise = time / 600, NOISE * self._rng.standard_normal(stress.shape)
@@ -86,7 +87,7 @@ class Scene:
 
 
 def slide(rng: np.random.Generator, speed: float, far: float) -> tuple[Path, float]:
-    """Return a path that slides by ``far`` [pitches] at ``speed`` [mm/s], and its duration [s]."""
+    """Return a path for a slide by ``far`` [pitches] at ``speed`` [mm/s], and the duration of the path [s]."""
     direction, rate = rng.uniform(0, 2 * np.pi), speed * 1e-3 / PITCH
 
     def path(time: float) -> dict[str, float]:
@@ -96,7 +97,7 @@ def slide(rng: np.random.Generator, speed: float, far: float) -> tuple[Path, flo
 
 
 def turn(rng: np.random.Generator, speed: float, far: float, radius: float) -> tuple[Path, float]:
-    """Return a path that turns until the farthest corner has moved by ``far``, and its duration [s]."""
+    """Return a path for a turn that moves the farthest corner by ``far`` [pitches], and its duration [s]."""
     rate, sign = speed * 1e-3 / PITCH, rng.choice((-1, 1))
 
     def path(time: float) -> dict[str, float]:

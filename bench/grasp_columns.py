@@ -1,11 +1,11 @@
-"""Ways to close a gripper on an item that is displaced from its expected place, and what the grasp knew of the item.
+"""Ways to close a gripper on a displaced item, and a comparison of the reported grasp with the true item.
 
 - `blind`: the gripper's own action closes to the width of the item.
 - `touch`: the gripper node closes up to a force.
 - `shape`: the gripper node closes with a light force. examples/planner_client.py and examples/grasp_loop.py correct the
-  hand. The gripper then squeezes with the force of `touch`.
-- `hold`: like `touch`; the gripper node then keeps the force, and raises it when the item slides.
-- `sensor`: like `shape`, with the pressures of MuJoCo's own tactile sensor.
+  hand. The gripper then squeezes with the same force as in `touch`.
+- `hold`: the gripper node closes as in `touch`, then keeps the force and raises it when the item slides.
+- `sensor`: the same as `shape`, but with pressures from MuJoCo's own tactile sensor.
 """
 
 import time
@@ -25,18 +25,19 @@ from examples.simulated_gripper.model import MAX_GAP
 from examples.simulated_gripper.world import GRAVITY, SIDES, Outcome, Place
 from tactile_skin.msg import Grasp
 
-FORCE = 5.0         #: Force for all items, chosen on validation seeds [N].
-#: Light force [N]. With less force, the contact of an oblique face is too narrow to show its direction.
+FORCE = 5.0         #: Closing force for all items, chosen with validation seeds [N].
+
+#: Light closing force [N]. With less force, the contact of an oblique face is too narrow to show its direction.
 TOUCH = 2.0
-SQUEEZE = 0.01      #: Difference between the item's width and the goal of a blind planner [m].
+SQUEEZE = 0.01      #: Distance by which the goal of a blind planner is smaller than the item's width [m].
 LIFT = 0.1          #: Height of the lift [m].
 SHAKE = 1.0         #: Acceleration of the shake [g].
-CLEARANCE = 0.012   #: Gap beyond that of the grasp while the hand is corrected [m].
+CLEARANCE = 0.012   #: Extra opening while the hand is corrected [m].
 PULL_SPEED = 0.003  #: Speed of the pull [m/s].
-PULL_TIME = 12.0    #: Duration of the pull, so that the item leaves the pads [s].
-BEYOND = 1.3        #: Pulling force, as a multiple of the friction of FORCE on both pads.
-AFTER = 0.5         #: Waiting time after the shake [s].
-TRIES = 4           #: Largest number of goals to close while they end with one of UNSEEN; each starts open.
+PULL_TIME = 12.0    #: Duration of the pull, long enough for the item to leave the pads [s].
+BEYOND = 1.3        #: Load on the pulled item, as a multiple of the friction that both pads provide at FORCE.
+AFTER = 0.5         #: Pause after the shake or pull [s].
+TRIES = 4           #: Largest number of closing attempts. Each attempt starts with an open gripper.
 UNSEEN = ('NOT_SEEN', 'FORCE_NOT_KNOWN', 'LOST')
 LOOK = 0.02         #: Time between two requests to the planner [s].
 
@@ -44,7 +45,7 @@ Record = dict[str, Any]
 
 
 def grasped(session: Session, column: str, item: Item, place: Place, is_pulled: bool = False) -> Record:
-    """Put ``item`` at ``place``, close, lift, and shake or pull; return the record of this start."""
+    """Put ``item`` at ``place``, close, lift, and shake or pull the item; return the record of this start."""
     world = session.world
     session.place(place)
     begin, left_out = time.monotonic(), world.left_out
@@ -66,7 +67,7 @@ def grasped(session: Session, column: str, item: Item, place: Place, is_pulled: 
 
 
 def _pulled(session: Session, item: Item) -> float:
-    """Pull the item down with more force than friction carries; return how far it slid before it was dropped [mm]."""
+    """Pull the item down harder than friction can hold, and return how far it slid before it was dropped [mm]."""
     world = session.world
     before, end, slid = world.item_in(SIDES[0]).translation[1], world.now + PULL_TIME, 0.0
     world.pull(PULL_SPEED, BEYOND * 2 * item.friction * FORCE - item.mass * GRAVITY)
@@ -83,7 +84,7 @@ def _end(outcome: Outcome, is_refused: bool) -> str:
 
 
 def width(item: Item) -> float:
-    """Return the size of the item along the closing direction [m]."""
+    """Return the width of the item along the closing direction [m]."""
     return 2 * item.face.reach if item.upright else item.length or 2 * item.face.reach
 
 
@@ -96,13 +97,13 @@ def _touch(session: Session, item: Item) -> Record:
 
 
 def _hold(session: Session, item: Item) -> Record:
-    session.drive(MAX_GAP, touch=True)  # ends the hold of the previous start
+    session.drive(MAX_GAP, touch=True)  # opening ends the hold of the previous start
     session.holds.clear()
     return _touch(session, item)
 
 
 def closed(session: Session, effort: float = 0.0) -> list[str]:
-    """Close with the gripper node and return the outcome of each goal; open and try again after UNSEEN."""
+    """Close with the gripper node, and return the outcomes. After an outcome in UNSEEN, open and try again."""
     endings = [session.drive(0.0, effort=effort, touch=True)]
     while endings[-1] in UNSEEN and len(endings) < TRIES:
         reopen(session)
@@ -133,7 +134,7 @@ def _shape(session: Session, item: Item) -> Record:
 
 
 def _ordered(session: Session, loop: GraspLoop):
-    """Return the command of the loop after its waiting time, and the grasp that it is based on."""
+    """Ask the planner while the loop waits, and return the loop's next command and the latest grasp."""
     loop.closed(time.monotonic())
     while True:
         correction, grasp = session.decide()
@@ -144,9 +145,10 @@ def _ordered(session: Session, loop: GraspLoop):
 
 
 def _correct(session: Session, correction: Correction, grasp: Grasp) -> None:
-    """Move the hand along x and up, and turn it about a vertical axis through the midpoint of the grasp.
+    """Move the hand along x and up, and turn the hand about a vertical axis through the midpoint of the grasp.
 
-    The hand has no joints for other rotations. In the left pad's frame, the hand's x is x, its y is z, and up is -y.
+    The hand has no joints for other rotations. The hand's axes x, y and up are the axes x, z and -y of the left pad's
+    frame.
     """
     hand = session.hand
     turn = -correction.tilt[1]
@@ -161,7 +163,7 @@ def _turned(vector: np.ndarray, angle: float) -> np.ndarray:
 
 
 def belief(grasp: Grasp, session: Session, item: Item) -> Record:
-    """Return the class that the grasp reports, and the errors of sizes and place [mm] and yaw [degrees]; no bounds."""
+    """Return the reported class, and the errors of size [mm], place [mm] and yaw [degrees] unless they are bounds."""
     pose, sides = session.world.item_in('left'), np.array(item.face.dimensions[:len(grasp.dimensions)])
     believed: Record = {'class': grasp.class_name, 'confidence': grasp.confidence}
     if not grasp.line_is_bound:

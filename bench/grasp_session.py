@@ -1,7 +1,8 @@
-"""Test bench of bench_grasps.py for one item.
+"""Test bench in which bench_grasps.py grasps one item.
 
-Physics, skin, the gripper's action and the planner node run in this process. `tactile bringup` and `touch_gripper` run
-in their own processes, as on a robot. Everything runs in real time, so the machine has to be fast enough.
+The physics, the skin, the gripper's action server and the planner node run in this process. The programs `tactile
+bringup` and `touch_gripper` run in their own processes, as on a robot. The simulation runs in real time and needs a
+fast enough machine.
 """
 
 import subprocess
@@ -33,23 +34,24 @@ from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import Grasp, GripperOutcome
 
-#: Parameters of the gripper node. Each finger has a stiffness of 2000 N/m (drive.STIFFNESS), and both move by half of a
-#: change of the gap, so the stiffness is 1000 N/m of the gap.
+#: Parameters of the gripper node. Each finger has a stiffness of 2000 N/m (drive.STIFFNESS) and moves by half the
+#: change of the gap, so that the gap has a stiffness of 1000 N/m.
 PARAMETERS: Mapping[str, Any] = MappingProxyType({
     'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.1,
     'fast_speed': 0.02, 'slow_speed': 0.003, 'touch_force': 2.0, 'gripper_effort': 10.0})
 HOLD: Mapping[str, Any] = MappingProxyType({
     **PARAMETERS, 'hold': True, 'slide_force_step': 1.0, 'hold_travel': 0.02, 'highest_force': 9.0})
 TIMEOUT = 60.0  #: Longest wait for a condition [s].
-LOOK = 0.005    #: Time between two checks of the condition [s].
-#: Longest wait for a goal [s]. If an item rocks between the pads, the gripper's own action never ends.
+LOOK = 0.005    #: Time between two checks of a condition [s].
+
+#: Longest wait for the end of a goal [s]. If an item rocks between the pads, the gripper's own action never ends.
 PATIENCE = 30.0
-#: Highest reading of a pad that counts as felt [Pa]. The pads may find a contact even below their noise floor.
+#: A pad counts as touched from this reading on [Pa]. The nodes may find a contact even below the noise floor.
 FELT = 2 * NOISE * FULL_SCALE
 
 
 class WatchedWorld(World):
-    """A world that records the largest forces, and the times of the first touched frame and of the stop command."""
+    """Simulated world that records the peak forces, and the times of the first touch and of the stop command."""
 
     def __init__(self, *args: Any):
         self.watch()
@@ -58,7 +60,7 @@ class WatchedWorld(World):
     def watch(self) -> None:
         """Clear the record."""
         self.peaks = dict.fromkeys(SIDES, 0.0)  #: [N]
-        self.felt_at = self.stopped_at = np.nan  #: times on the steady clock [s]
+        self.felt_at = self.stopped_at = np.nan  #: times by the steady clock [s]
 
     def pressures(self, side: str) -> np.ndarray:
         values = super().pressures(side)
@@ -76,7 +78,7 @@ class WatchedWorld(World):
 
 
 class PlannerNode(Node):
-    """Planner that subscribes to grasps and outcomes, and sends goals to both actions."""
+    """Planner node that receives grasps and outcomes, and sends goals to the gripper and to the gripper node."""
 
     def __init__(self) -> None:
         super().__init__('planner')
@@ -102,7 +104,7 @@ class PlannerNode(Node):
 
 
 class Session(ExitStack):
-    """A context with everything that one ``world`` needs. ``link`` is a path for the port of the adapter."""
+    """A context that runs one ``world`` with all its nodes. ``link`` is the path of the adapter's port."""
 
     def __init__(self, world: WatchedWorld, link: Path, parameters: Mapping[str, Any] = PARAMETERS):
         super().__init__()
@@ -129,7 +131,7 @@ class Session(ExitStack):
             word for name, value in self._parameters.items() for word in ('-p', f'{name}:={value}')))
         self.until(lambda: self._node.gripper.server_is_ready() and self._node.touch.is_ready)
         self.until_open()
-        self.wait(1.0)  # each process has to estimate the age of frames first
+        self.wait(1.0)  # give each process time to estimate the age of its frames
 
     def _start(self, *words: Any) -> None:
         process = subprocess.Popen([*map(str, words)], env=environment_with('control_msgs'))
@@ -137,7 +139,7 @@ class Session(ExitStack):
         self.callback(process.terminate)
 
     def until(self, condition: Callable[[], object]) -> None:
-        """Wait until ``condition`` is true. Raises TimeoutError after TIMEOUT."""
+        """Wait until ``condition`` is true, and raise TimeoutError after TIMEOUT."""
         end = time.monotonic() + TIMEOUT
         while not condition():
             if time.monotonic() > end or self._bench.failures:
@@ -145,17 +147,17 @@ class Session(ExitStack):
             time.sleep(LOOK)
 
     def until_open(self) -> None:
-        """Wait until the grasp reports that both pads are seen and empty, and reports the opening of the gripper."""
+        """Wait until a fresh grasp reports empty pads and the gripper's true gap."""
         self.until(lambda: self._node.grasp.fresh and self._node.grasp.contact == Grasp.NO_CONTACT
                    and abs(self._node.grasp.gap - self.world.gap) < 5e-4)
 
     def wait(self, seconds: float) -> None:
-        """Wait for a time of the physics simulation [s]."""
+        """Wait for ``seconds`` of simulated time."""
         end = self.world.now + seconds
         self.until(lambda: self.world.now >= end)
 
     def place(self, place: Place) -> None:
-        """Begin a new start with the item at ``place`` and an open hand; wait until both pads are seen empty."""
+        """Start again with the item at ``place`` and an open hand, and wait until both pads are seen empty."""
         self.world.place(place)
         self.world.watch()
         self.hand = dict.fromkeys(AXES, 0.0)  #: goal of each axis
@@ -169,7 +171,7 @@ class Session(ExitStack):
         self.wait(0.1)
 
     def drive(self, position: float, *, effort: float = 0.0, touch: bool = False) -> str:
-        """Send the gripper to a gap by its own action or, with ``touch``, by the gripper node; return the outcome."""
+        """Move the gripper to a gap, and return the outcome. With ``touch``, the goal goes to the gripper node."""
         end = time.monotonic() + PATIENCE
         if touch:
             sent = self._node.touch.send(position, effort=effort)
@@ -189,7 +191,7 @@ class Session(ExitStack):
 
     @property
     def holds(self) -> list[str]:
-        """Outcomes of the holds."""
+        """Names of the outcomes of all holds so far."""
         return self._node.holds
 
     def decide(self) -> tuple[Correction, Grasp]:
@@ -197,7 +199,7 @@ class Session(ExitStack):
 
 
 def started_rclpy() -> ExitStack:
-    """Return a context with rclpy, without its signal handlers, which would shut it down before the nodes."""
+    """Return a context with rclpy, but without the signal handlers that would shut rclpy down before the nodes."""
     stack = ExitStack()
     rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     stack.callback(rclpy.try_shutdown)

@@ -2,10 +2,11 @@
 
     python bench/measure_arrays.py --tekscan DIR --weiss DIR --vitac DIR [--output DIR]
 
-Each DIR is a copy of a public repository: TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
-peter-kiechle/tactile-sensors or jsheng45/ViTac-Tactile-Sensing. If a copy is missing, the script prints one line about
-it. From the first two, only the labelled frames are read. The frames of the generator (training/real_arrays.py) are
-measured in the same way, and only these are shown as a picture. With --output, the script writes a page.
+Each DIR is a local copy of a public repository: TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
+peter-kiechle/tactile-sensors or jsheng45/ViTac-Tactile-Sensing. The script prints one line for each missing copy. From
+the Tekscan array, the script reads the labelled frames. From the Weiss hand, the script reads all recordings that
+contain a labelled frame. The script also measures frames from the generator (training/real_arrays.py) in the same way.
+With --output, the script writes a page and a picture of generated frames.
 """
 
 import argparse
@@ -33,7 +34,7 @@ STAMPED, HEATED = (f'{PROFILES}/{name}' for name in (
     'calibration_weight_and_temperature/room temperature', 'calibration_noise/temperature-noise.dsa'))
 STAMPED_PAD = 1
 WEIGHTS = {'A': 200, 'B': 300, 'C': 400, 'D': 500, 'E': 600, 'F': 700, 'G': 800, 'H': 900}  #: [g]
-STEP = 10  #: Every 10th frame of ViTac is used, one in 0.1 s.
+STEP = 10  #: The script reads every 10th frame of ViTac, which is one frame per 0.1 s.
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
 DRAWN, SEED = 1500, 20_261_123
 PICTURE, ROWS, COLS = 'real_arrays.png', 3, 8
@@ -64,7 +65,7 @@ HOW = {
 
 
 def groups_of(array: str, data: Path) -> list[Group]:
-    """Return the frames of an array that are used, in one group for each pad or cover."""
+    """Return the measured frames of an array, in one group per pad or cover."""
     names = [one.frame for one in read_labels() if one.array == array]
     if array == 'tekscan':
         return [Group(list(read_frames(array, data, names)), 255)]
@@ -78,7 +79,7 @@ def groups_of(array: str, data: Path) -> list[Group]:
 
 
 def drawn() -> list[Group]:
-    """Return frames of the generator in one group for each size of pad."""
+    """Return frames from the generator, in one group per pad size."""
     rng, by_pad = np.random.default_rng(SEED), defaultdict(list)
     while sum(map(len, by_pad.values())) < DRAWN:
         if (touch := random_touch(rng, None)) is not None:
@@ -93,7 +94,7 @@ def labelled_bars(array: str) -> str:
 
 
 def draw(path: Path, groups: list[Group]) -> None:
-    """Draw frames of the generator, one size of pad in each column."""
+    """Draw frames from the generator, with one pad size per column."""
     figure, axes = plt.subplots(ROWS, COLS, figsize=(12, 4.5), layout='constrained')
     for k, axis in enumerate(axes.flat):
         axis.imshow(groups[k % len(groups)].frames[k // len(groups)], cmap='viridis', origin='lower')

@@ -1,4 +1,4 @@
-"""The chain from taxels to the grasp message without nodes: the functions of the nodes, with a simulated clock."""
+"""Process taxels into grasp messages with the functions of the nodes, but with a simulated clock and no nodes."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
 
 PITCH, UNIT = 0.002, 'Pa'
-DELAY = 0.02   #: Time from an acquisition to its grasp [s].
+DELAY = 0.02   #: Time from the acquisition of a frame to its grasp [s].
 EPOCH = 1.7e9  #: [s]
 
 
@@ -34,7 +34,7 @@ class _Pad:
 
 
 class Chain:
-    """Both pads and the grasp. All times are on one steady clock [s]."""
+    """Turns the frames of both pads into grasp messages. All times come from one steady clock [s]."""
 
     def __init__(self) -> None:
         recogniser = make_recogniser('learned', '')
@@ -45,7 +45,7 @@ class Chain:
         self._times = dict.fromkeys(SIDES, -np.inf)
 
     def grasp(self, values: dict[str, np.ndarray], gap: float, now: float) -> Grasp:
-        """Process one frame of each pad in ``values``, acquired ``now``, and return the grasp DELAY later."""
+        """Process one frame for each pad in ``values``, acquired at ``now``, and return the grasp DELAY later."""
         for side, frame in values.items():
             self._latest[side], self._times[side] = self._pads[side].shape(frame, now), now
             self._tracker.update(side, side_result(self._latest[side], now), now + DELAY, gap)

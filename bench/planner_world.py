@@ -1,10 +1,10 @@
 """Simulated gripper with two tactile pads and an object between them.
 
-The object does not move. It is a prism with an outline of one of the five classes, or a rod with two ball ends. Each
-skin is an elastic foundation: the pressure is proportional to the depth of the object in the skin. An oblique face
-therefore presses more on one side and lifts off on the other. Each pad closes until it presses with the force of a
-light grasp. The gripper's frame is that of the grasp node's defaults: the left pad is at z = -gap/2 and faces along z.
-The right pad faces the left one, with y reversed.
+The object stays still. Each object is a prism whose outline belongs to one of the five classes, or a rod with two ball
+ends. Each skin is an elastic foundation: the pressure is proportional to the object's depth in the skin. An oblique
+face therefore presses more on one side and lifts off on the other. Each pad closes until it presses with the force of a
+light grasp. The gripper's frame follows the defaults of the grasp node: the left pad lies at z = -gap/2 and faces along
+z. The right pad faces the left pad, and its y axis is reversed.
 """
 
 from dataclasses import dataclass, replace
@@ -16,23 +16,23 @@ from scipy.spatial.transform import Rotation
 
 from tactile_node.simulator.world import Contact, random_contact
 
-ROWS = 16      #: Rows and columns, as in sim16x16.yaml.
+ROWS = 16      #: Number of rows and of columns, as in sim16x16.yaml.
 PITCH = 0.002  #: [m]
 SPAN = (ROWS - 1) * PITCH
 FULL_SCALE = 100e3  #: [Pa]
-STIFFNESS = 25e6    #: Silicone with E* = 0.1 MPa, 4 mm thick [Pa/m].
+STIFFNESS = 25e6    #: Stiffness of 4 mm of silicone with E* = 0.1 MPa [Pa/m].
 FORCE = 6.0    #: Force of a light grasp [N].
 BLUR = 0.5     #: Standard deviation of the blur [pitches].
 NOISE = 0.005  #: Standard deviation of the noise [fraction of full scale].
-FINE = 6       #: Points of a taxel in each direction.
+FINE = 6       #: Sampling points per taxel in each direction.
 AIM = (SPAN / 2, SPAN / 2)
 NO_TURN = Rotation.identity()
-REACH = 6.4  #: Distance from the centre to the end of a face [pitches].
+REACH = 6.4  #: Largest distance from the centre to the edge of a face [pitches].
 
 
 @dataclass(frozen=True)
 class Thing:
-    """An object between the pads: faces in pitches, length along the closing direction in metres."""
+    """An object between the pads, with its face in pitches and its length along the closing direction in metres."""
 
     face: Contact                       #: centred on the origin
     length: float
@@ -45,7 +45,7 @@ class Placed:
 
     thing: Thing
     centre: np.ndarray                  #: [m]
-    turn: Rotation                      #: rotation of the object's frame, whose z lies along its length
+    turn: Rotation                      #: rotation of the object's frame, whose z axis lies along the object's length
     ends: tuple[bool, bool] = (True, True)  #: True for each face that a pad can reach
 
     def moved(self, shift=(0.0, 0.0), about=(0.0, 0.0, 0.0), by: Rotation = NO_TURN) -> 'Placed':
@@ -58,7 +58,7 @@ class Placed:
         return self.centre + self.turn.apply((0.0, 0.0, (side - 0.5) * self.thing.length))
 
     def touched(self, side: int) -> np.ndarray:
-        """Return the place that the left (0) or right (1) pad touches: middle of a face, or top of a ball [m]."""
+        """Return the middle of the face, or the top of the ball, that the left (0) or right (1) pad touches [m]."""
         reach = 1 if side else -1
         inward = self.turn.apply((0.0, 0.0, -reach * self.thing.ball))
         return self.end(side) + inward + (0.0, 0.0, reach * self.thing.ball)
@@ -72,7 +72,7 @@ class Placed:
 
 
 class Truth(NamedTuple):
-    """The errors that a planner tries to bring to 0."""
+    """The errors that a planner tries to reduce to 0."""
 
     offset: float        #: [m]
     misalignment: float  #: [rad]
@@ -80,11 +80,11 @@ class Truth(NamedTuple):
 
 
 class Closed(NamedTuple):
-    """Both pads after closing: taxel values [Pa], NaN for places without a taxel, and ``gap`` [m]."""
+    """Both pads after closing, with their taxel values [Pa] and the ``gap`` [m]."""
 
     values: tuple[np.ndarray, np.ndarray]
     gap: float
-    placed: Placed       #: place of the object from the gripper's middle
+    placed: Placed       #: place of the object relative to the gripper's middle
 
 
 def close(placed: Placed) -> Closed:
@@ -101,7 +101,10 @@ def noisy(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def random_thing(random: np.random.Generator, kind: str) -> Thing:
-    """Return an object of a class, or a rod with 'ball' ends. At any angle, one taxel fits around its face."""
+    """Return a random prism of class ``kind``, or a rod with ball ends if ``kind`` is 'ball'.
+
+    At any angle, the face leaves at least one free taxel to the edge of the pad.
+    """
     while True:
         face = random_contact(random, 'circle' if kind == 'ball' else kind, random.uniform(25, 45))
         if face.reach <= REACH:
@@ -111,7 +114,7 @@ def random_thing(random: np.random.Generator, kind: str) -> Thing:
 
 
 def random_place(random: np.random.Generator, thing: Thing, shift: float = 0.006, tilt: float = 0.14) -> Placed:
-    """Return a place at a random angle, up to ``shift`` [m] off in each direction, tilted by up to ``tilt`` [rad]."""
+    """Place ``thing`` at random, up to ``shift`` [m] off centre in x and y, and tilted by up to ``tilt`` [rad]."""
     size, way = tilt * np.sqrt(random.random()), random.uniform(0, 2 * np.pi)
     turn = (Rotation.from_rotvec((size * np.cos(way), size * np.sin(way), 0.0))
             * Rotation.from_euler('z', random.uniform(0, 2 * np.pi)))
@@ -119,11 +122,11 @@ def random_place(random: np.random.Generator, thing: Thing, shift: float = 0.006
 
 
 def _pressed(placed: Placed, side: int) -> tuple[np.ndarray, float]:
-    """Return the pressures by taxel along the gripper's x and y, and the place along z where the pad stopped [m]."""
-    reach = 1 if side else -1           # direction of the pad along z
+    """Return the taxel pressures along the gripper's x and y [Pa], and the z coordinate where the pad stopped [m]."""
+    reach = 1 if side else -1           # direction from the object to the pad along z
     steps = (np.arange(ROWS * FINE) + 0.5) / FINE - 0.5
     x, y = np.meshgrid(steps * PITCH, steps * PITCH)
-    height = reach * _face(placed, side, x, y)  # towards the pad; -inf beside the object
+    height = reach * _face(placed, side, x, y)  # height towards the pad, or -inf beside the object
     if not placed.ends[side] or not np.isfinite(height).any():
         return np.zeros((ROWS, ROWS)), reach * placed.thing.length / 2
     taxels, level = foundation(height, FORCE)
@@ -131,10 +134,10 @@ def _pressed(placed: Placed, side: int) -> tuple[np.ndarray, float]:
 
 
 def foundation(height: np.ndarray, force: float) -> tuple[np.ndarray, float]:
-    """Return the pressures by taxel [Pa], and the height at which the skin stops when it carries ``force`` [N].
+    """Return the taxel pressures [Pa], and the height at which the skin carries ``force`` [N].
 
-    ``height`` is that of an object towards the skin [m], at FINE points of a taxel in each direction; -inf beside the
-    object.
+    ``height`` is the height of the object towards the skin [m], at FINE points per taxel in each direction. Points
+    beside the object have the height -inf.
     """
     area = (PITCH / FINE)**2
     high = height[np.isfinite(height)].max()
@@ -149,7 +152,7 @@ def foundation(height: np.ndarray, force: float) -> tuple[np.ndarray, float]:
 
 
 def _face(placed: Placed, side: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return z of the face at x, y [m]; beside the object, infinity away from the pad."""
+    """Return the z coordinate of the face at x, y [m]. Points beside the object are infinitely far from the pad."""
     reach, end, away = (1 if side else -1), placed.end(side), -np.inf if side else np.inf
     if placed.thing.ball:
         radius = placed.thing.ball

@@ -1,8 +1,10 @@
-"""Determine the table of tactile_node/pose/model_error.py on computed contacts of training solutions.
+"""Fit the table in tactile_node/pose/model_error.py to computed contacts of the training indenters.
 
 Run from the checkout: python bench/pose_calibration.py [--frames 3000] [--build build]
-The first run solves the indenters of the training in some minutes, unless `make train` has solved them. Replace the
-table with the output of this script; a second run then changes little. Punches and domes have separate tables.
+
+The first run takes some minutes to solve the training indenters, unless `make train` has already solved them. Replace
+the table with the output of this script. A second run then changes the table only slightly. Punches and domes have
+separate tables.
 """
 
 import argparse
@@ -36,17 +38,17 @@ from training.ground_truth.seeds import Purpose, generator
 from training.mechanics import solution_pool
 
 SEED = 950_000
-TILT = 0.4            #: Largest tilt. Beyond it, other errors than those of the fit's model appear.
-AREAS = 22.0, 130.0   #: Range of the areas, log-uniform [taxels].
-OUTLIERS = 4.0        #: Residuals beyond this many robust standard deviations are left out.
+TILT = 0.4            #: Largest tilt. Larger tilts cause errors that the fit's model does not explain.
+AREAS = 22.0, 130.0   #: Range of the log-uniform contact areas [taxels].
+OUTLIERS = 4.0        #: Residuals beyond this many robust standard deviations are ignored.
 TERMS = len(ModelError._fields) - 1
-#: Parameters without a bias, because the shape looks the same from both sides.
+#: Parameters that have no bias, because the shape looks the same from both sides.
 SYMMETRIC = {Shape.CIRCLE: (0, 1), Shape.SQUARE: (0, 1, 2), Shape.RECTANGLE: (0, 1, 2), Shape.RIGHT_TRIANGLE: (),
              Shape.ISOSCELES_TRIANGLE: (0, 2)}
 
 
 def frames(folder: Path, shape: Shape, is_punch: bool, count: int) -> list[Pressed]:
-    """Return frames of flat punches or domes of one class, at any pose, depth and pressure."""
+    """Return frames of flat punches or domes of one class, at random poses, depths and pressures."""
     rng = generator(Purpose.TRAINING, SEED + list(OUTLINES).index(shape))
     solutions = [(solution, outlined(solution)) for solution in solution_pool(folder)
                  if _is_meant(solution, shape, is_punch)]
@@ -65,14 +67,14 @@ def _is_meant(solution: Solution, shape: Shape, is_punch: bool) -> bool:
 
 
 def fitted(shape: Shape, drawn: list[Pressed]) -> list[tuple[Pressed, ShapeFit]]:
-    """Return the frames that have a fit, each with its fit."""
+    """Return (frame, fit) pairs for all frames that can be fitted."""
     return [(frame, fit) for frame in drawn if (fit := fit_shape(frame.values, frame.mask, shape)) is not None]
 
 
 def calibrated(shape: Shape, indenter: Indenter, drawn: list[tuple[Pressed, ShapeFit]]) -> ModelError:
-    """Return the new row of the table, from the errors left by the current row.
+    """Return the new row of the table, computed from the errors that remain with the current row.
 
-    Fits with the pressure of another kind of indenter are left out.
+    The function ignores fits that assume another kind of indenter.
     """
     errors, causes, spreads, deviations = [], [], [], []
     for frame, fit in drawn:
@@ -95,7 +97,7 @@ def calibrated(shape: Shape, indenter: Indenter, drawn: list[tuple[Pressed, Shap
 
 
 def _is_same(fit: ShapeFit, error: np.ndarray) -> bool:
-    """Return True unless the fit is mirrored or has another corner as its apex, which is no error of a length."""
+    """Return False for a mirrored fit and for a fit with the wrong apex, whose lengths cannot be compared."""
     return abs(error[2]) < 0.3 if fit.symmetry in (1, 3) else True
 
 
@@ -103,8 +105,8 @@ def _row(symmetric: tuple[int, ...], in_force: ModelError, errors: np.ndarray, c
          noise: np.ndarray) -> ModelError:
     """Return a row of the table from K fits with p parameters.
 
-    ``errors`` and ``noise`` are (K, p), ``causes`` is (K, TERMS). ``noise`` is the stated deviation without
-    model error.
+    ``errors`` and ``noise`` have the shape (K, p), and ``causes`` has the shape (K, TERMS). ``noise`` is the stated
+    variance without the model error.
     """
     terms, deviation = np.array(in_force[:-1], float), []
     for parameter, found in enumerate(errors.T):
@@ -122,16 +124,16 @@ def _row(symmetric: tuple[int, ...], in_force: ModelError, errors: np.ndarray, c
 
 
 def _robust(values: np.ndarray) -> float:
-    """Return a standard deviation from the range of 95 % of the values, because the regions are 95 % regions."""
+    """Return a standard deviation from the central 95 % of the values, because the regions are 95 % regions."""
     low, high = np.quantile(values, (0.025, 0.975))
     return float(high - low) / 2 / 1.96
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--frames', type=int, default=3000, help='of all shapes')
-    parser.add_argument('--build', type=Path, default=ROOT / 'build', help='with the solved indenters')
-    parser.add_argument('--pressure', choices=('punch', 'dome'), help='only those')
+    parser.add_argument('--frames', type=int, default=3000, help='total number of frames of all shapes')
+    parser.add_argument('--build', type=Path, default=ROOT / 'build', help='folder of the solved indenters')
+    parser.add_argument('--pressure', choices=('punch', 'dome'), help='calibrate only these indenters')
     args = parser.parse_args()
     for name, shapes in (('punch', tuple(OUTLINES)), ('dome', tuple(DOMES))):
         for shape in map(Shape, shapes if args.pressure in (name, None) else ()):

@@ -1,4 +1,4 @@
-"""Measure on simulated sequences how soon a change of shape is followed, and how much the reported shape flickers."""
+"""Measure how soon the fusion follows a change of shape, and how often the reported shape flickers."""
 
 from dataclasses import replace
 from time import process_time
@@ -17,8 +17,8 @@ from tactile_node.simulator.world import CLASSES, random_contact
 from training.ground_truth.seeds import Purpose, generator
 
 PERIOD = 0.01   #: [s]
-FRAMES = 60     #: Number of frames of each of two shapes, without a break between the shapes.
-CREEP = 0.01    #: Movement of a contact from frame to frame [pitches].
+FRAMES = 60     #: Number of frames for each of two shapes, which follow each other without a break.
+CREEP = 0.01    #: Movement of a contact per frame [pitches].
 SKIN = Skin(blur=0.5, noise=0.02, dead=0.0)
 SEQUENCES = 40
 

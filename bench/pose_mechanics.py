@@ -1,7 +1,6 @@
-"""Fit contacts that were computed by contact mechanics, whose pressure differs from the model of the fit.
+"""Fit contacts computed by contact mechanics, whose pressures differ from the model of the fit.
 
-The truth comes from the contact set of the solver. It is the outline of the same shape that covers this set best on the
-solver's fine grid.
+As the true outline, the script uses the outline of the same shape that best covers the solver's contact set.
 """
 
 from collections.abc import Callable
@@ -26,19 +25,21 @@ from training.ground_truth.seeds import Purpose, generator
 
 AREAS = (25, 50, 100)
 FLAT, CUT = 'flat punches', 'flat punches over the edge'
-MOST_CUT = 1 / 3  #: Largest share of a contact beyond the pad's edge.
-SEED = 61_000_000  #: Raised by a million whenever a report has led to a change, so that new seeds are reported.
+MOST_CUT = 1 / 3  #: Largest share of a contact that lies beyond the pad's edge.
+
+#: Increased by a million after each change that a report has caused, so that the next report uses new seeds.
+SEED = 61_000_000
 
 
 class Outlined(NamedTuple):
-    """The contact set of a solution as a shape. Unit of length: root of its area; origin: that of the indenter."""
+    """The contact set of a solution as a shape, relative to the indenter's origin and scaled to an area of 1."""
 
     parameters: np.ndarray
     handedness: int
 
 
 class Pressed(NamedTuple):
-    """A frame with its contact and the contact's place [pitches]."""
+    """A frame with its contact and the true parameters of the contact's outline [pitches, rad]."""
 
     shape: Shape
     values: np.ndarray
@@ -47,20 +48,20 @@ class Pressed(NamedTuple):
 
 
 class Skin(NamedTuple):
-    """A skin: the depth of its taxels [pitches], and the curve from pressure to reading [full scale]."""
+    """A skin with the depth of its taxels [pitches] and a curve that converts pressure to a reading [full scale]."""
 
     depth: float
     curve: Callable[[np.ndarray], np.ndarray]
 
 
 class Row(NamedTuple):
-    """Results of the fits for one kind of indenter and size."""
+    """Results of the fits for one kind of indenter and one contact size."""
 
     name: str
     area: float
     errors: list[Error]
     signed: np.ndarray   #: mean relative error of the lengths of each fit [%]
-    inside: np.ndarray   #: bool, True if the 95 % region contains the truth
+    inside: np.ndarray   #: True for each fit whose 95 % region contains the truth
     residuals: np.ndarray
 
     @property
@@ -74,7 +75,7 @@ class Row(NamedTuple):
 
 
 def outlined(solution: Solution) -> Outlined:
-    """Return the shape that covers the contact set best. An on/off fit is exact, because the cells are small."""
+    """Return the shape that covers the contact set best. An on/off fit is accurate, because the cells are small."""
     part = Part(gather(solution.contact, solution.contact))
     fit = in_metres(search(part.evidence, Shape(solution.label)), part, solution.cell)
     parameters = fit.parameters.copy()
@@ -84,9 +85,9 @@ def outlined(solution: Solution) -> Outlined:
 
 def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area: float,
             skin: Skin | None = None) -> Pressed:
-    """Press ``solution`` with a contact of ``area`` taxels at a random pose and pressure.
+    """Return a frame of ``solution`` with a contact of ``area`` taxels at a random pose and pressure.
 
-    The depth of the taxels is that of ``skin``, or random without a skin.
+    Without ``skin``, the taxels have a random depth.
     """
     shape, depth, pressure = Shape(solution.label), rng.uniform(*mechanics.DEPTH), rng.uniform(*mechanics.PRESSURE)
     depth = skin.depth if skin else depth
@@ -104,7 +105,7 @@ def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area:
 
 
 def draw(rng: np.random.Generator, name: str, area: float, count: int) -> list[Pressed]:
-    """Return ``count`` frames of one kind of indenter, each with its own solution."""
+    """Return ``count`` frames of one kind of indenter, each computed from a separate solution."""
     frames = []
     for number in range(count):
         indenter, tilt = mechanics.ROWS[FLAT if name == CUT else name](rng, number)
@@ -116,7 +117,7 @@ def draw(rng: np.random.Generator, name: str, area: float, count: int) -> list[P
 
 
 def _cut(rng: np.random.Generator, frame: Pressed) -> Pressed:
-    """Return the frame without columns of the pad that contain up to MOST_CUT of the contact."""
+    """Remove pad columns that contain up to MOST_CUT of the contact, and return the frame."""
     lost = np.cumsum(frame.mask.sum(0)) / frame.mask.sum()
     first = int(np.searchsorted(lost, MOST_CUT * rng.random(), side='right')) + 1
     values, truth = frame.values[:, first:], frame.truth - np.eye(len(frame.truth))[0] * first
@@ -124,12 +125,12 @@ def _cut(rng: np.random.Generator, frame: Pressed) -> Pressed:
 
 
 def error_of(fit: ShapeFit, truth: np.ndarray) -> Error:
-    """Return the error of a fit under the symmetry that the fit declares."""
+    """Return the error of a fit, given the symmetry that the fit declares."""
     return error_from(fit.parameters, fit.symmetry, truth, len(fit.dimensions))
 
 
 def measure(name: str, area: float, frames: list[Pressed], response: SkinResponse | None = None) -> Row:
-    """Fit the frames in which a contact is found. ``response`` is that of a calibrated skin."""
+    """Fit all frames that contain a contact, with the ``response`` of a calibrated skin if there is one."""
     if response:
         linear = [response.curve(frame.values) for frame in frames]
         frames = [frame._replace(values=values, mask=find_contact(values, unit=None).mask)
@@ -147,7 +148,7 @@ def measure(name: str, area: float, frames: list[Pressed], response: SkinRespons
 
 def report(table: Callable[[str, list[str], list[list[str]]], None], count: int,
            purpose: Purpose = Purpose.EVALUATION) -> None:
-    """Make the table of the fits of ``count`` frames for each kind of indenter and size."""
+    """Fit ``count`` frames for each kind of indenter and contact size, and write the results as a table."""
     rows = []
     for number, (name, area) in enumerate((name, area) for name in (*mechanics.ROWS, CUT) for area in AREAS):
         found = measure(name, area, draw(generator(purpose, SEED + number), name, area, count))

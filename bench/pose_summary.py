@@ -1,6 +1,7 @@
-"""The page with the results of pose, size and fusion. It shows the most important columns of the recorded tables.
+"""The page with the results of pose, size and fusion, which shows the main columns of the recorded tables.
 
-bench_pose.py records its own tables. The tables of bench_box.py and bench_calibration.py are copied from their output.
+The script bench_pose.py records its tables itself. The tables of bench_box.py and bench_calibration.py are copied from
+the output of these scripts.
 """
 
 from bench.recognition.views import Page, Row, View, across, columns, names, of

@@ -1,4 +1,4 @@
-"""World of bench_pose.py: frames of contacts with known pose, errors of fits, and simple alternatives to a fit."""
+"""Draw contacts with known pose for bench_pose.py, and compute the errors of fits and simple alternatives."""
 
 from typing import NamedTuple
 
@@ -20,10 +20,10 @@ RELEASE = 12_000.0  #: Release threshold [Pa].
 
 
 class Condition(NamedTuple):
-    """Conditions of the frames. If ``skin`` is None, they are on/off patterns."""
+    """Conditions under which frames are drawn. If ``skin`` is None, the frames are on/off patterns."""
 
     skin: Skin | None
-    tilt: float = 0.0  #: largest tilt along x and y, uniform [relative rise per pitch]
+    tilt: float = 0.0  #: limit of the uniform random tilt along x and y [relative rise per pitch]
 
 
 CONDITIONS = {
@@ -59,7 +59,7 @@ class Error(NamedTuple):
     centre: float
     angle: float
     length: float       #: error of the worst dimension
-    vector: np.ndarray  #: errors of all parameters; that of the angle allows for the fit's symmetry
+    vector: np.ndarray  #: errors of all parameters, where the error of the angle allows for the fit's symmetry
 
 
 def truth(contact: Contact) -> tuple[np.ndarray, int]:
@@ -84,7 +84,7 @@ def error_from(parameters: np.ndarray, symmetry: int, true: np.ndarray, count: i
 
 
 def by_moments(sample: Sample) -> np.ndarray:
-    """Return the parameters of `pose.first_guess`: closed forms of the contact's moments up to the fourth."""
+    """Return the parameters from `pose.first_guess`, which uses closed forms of moments up to the fourth."""
     values = np.where(sample.mask & np.isfinite(sample.values), sample.values, 0).astype(float)
     rows, cols = np.nonzero(values > 0)
     shape = Shape(sample.contact.shape)
@@ -92,7 +92,7 @@ def by_moments(sample: Sample) -> np.ndarray:
 
 
 def by_rectangle(sample: Sample) -> np.ndarray:
-    """Return the sides of the smallest rectangle around the contact's taxels as the dimensions of the shape."""
+    """Return the shape's parameters, with dimensions from the smallest rectangle around the contact's taxels."""
     rows, cols = np.nonzero(sample.mask)
     squares = np.concatenate([np.column_stack((cols + dx, rows + dy)) for dx in (-.5, .5) for dy in (-.5, .5)])
     hull = squares[spatial.ConvexHull(squares).vertices]

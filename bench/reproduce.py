@@ -1,4 +1,4 @@
-"""Draw the paper's figures again and measure its claims again, as a page and as CSV: `make reproduce`.
+"""Reproduce the figures and the claims of the paper, as a page and as CSV files: `make reproduce`.
 
     python bench/reproduce.py --output DIR [--patterns N] [--training N] [--seed N] [--jobs N] [--curves FILE]
 """
@@ -29,7 +29,7 @@ def main(argv: list[str] | None = None) -> int:
                         help='number of new patterns at each size, default %(default)s')
     parser.add_argument('--training', type=int, default=12_000, metavar='N',
                         help='number of patterns to fit the curves and the learner, default %(default)s')
-    parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the patterns, default %(default)s')
     parser.add_argument('--jobs', type=int, default=os.cpu_count() or 1,
                         help='number of processes, default %(default)s')
     parser.add_argument('--curves', default='volf_curves.yaml', metavar='FILE',

@@ -1,20 +1,19 @@
 """Run two pads at full bus load for a long time, and record lost TPDOs, memory and the latency from SYNC to frame.
 
-Run by `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10] [--rate 115]
+Run `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10] [--rate 115]
 
-- The simulated skin is a separate process behind a pseudo-terminal (slcan), like an adapter. It sends each CAN frame at
-  the time at which a wire would have carried it. Its columns show what it sent, how late it was by the clock of its
-  wire, and its processor time.
-- The driver is the supervised driver that the driver node runs. It refuses such a full bus without
-  ``allow_full_bus``, which is set here.
-- At 115 sweeps per second, two pads of 16x16 taxels with 8 bits fill a bus of 1 Mbit/s: 64 TPDOs of 135 bits each, with
-  the largest number of stuff bits. Heartbeats and SDOs come in addition, so a device sometimes skips a sweep ("sweeps
-  skipped").
-- If the system allows it, all processes run at a raised priority, like the drivers of a robot.
-- A third process only sleeps for one millisecond at a time. It reports the longest time for which the machine stood
-  still.
+- The simulated skin runs in a separate process behind a pseudo-terminal, like a serial CAN adapter (slcan). The skin
+  sends each CAN frame at the time at which a real bus would have carried it. The columns about the skin show the bus
+  load, how late the frames were sent, and the skin's CPU load.
+- The script runs the same supervised driver as the driver node. The driver accepts such a full bus only with the
+  setting ``allow_full_bus``.
+- At 115 sweeps per second, two 8-bit pads of 16x16 taxels fill a bus of 1 Mbit/s: each sweep has 64 TPDOs of 135 bits,
+  with the largest number of stuff bits. Heartbeats and SDOs use the bus as well, so that a device sometimes skips a
+  sweep ("sweeps skipped").
+- If the system permits, all processes run at a raised priority, like the drivers on a robot.
+- A third process repeatedly sleeps for one millisecond, and reports the longest time for which the machine stalled.
 
-The script writes soak.csv. Its exit code is 1 if a TPDO that was sent was lost or came too late.
+The script writes soak.csv. The exit code is 1 if any transmitted TPDO was lost or arrived too late.
 """
 
 import argparse
@@ -36,7 +35,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 for library in ('OPENBLAS', 'OMP', 'MKL'):
-    os.environ[f'{library}_NUM_THREADS'] = '1'  # read when numpy is imported
+    os.environ[f'{library}_NUM_THREADS'] = '1'  # numpy reads these variables when it is imported
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
@@ -49,13 +48,13 @@ from tactile_node.sources.log_source import summary
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
-NODES, LAYOUT, TPDOS = (32, 64), 'sim16x16.yaml', 32  #: a sweep of each node
+NODES, LAYOUT, TPDOS = (32, 64), 'sim16x16.yaml', 32  #: TPDOS is the number of TPDOs in a sweep of one node
 FULL_LOAD = 115.0  #: Sweeps per second that fill the bus.
 PERCENTILES = (50, 99, 99.9, 100)
 SENDER_LATE = ('p50', 'p99', 'max')
-NAP = 1e-3  #: Duration of a sleep of the process that only sleeps [s].
-REPORT_TIMEOUT = 10.0  #: Longest wait for a report of the skin [s].
-NICE = -10  #: Nice value of driver and skin.
+NAP = 1e-3  #: Duration of each sleep of StallWatch [s].
+REPORT_TIMEOUT = 10.0  #: Longest wait for a report from the skin [s].
+NICE = -10  #: Nice value of the driver and the skin.
 COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received', 'TPDOs lost', 'bus load %',
            'machine still ms', *(f'latency p{p:g} ms' for p in PERCENTILES), 'memory MB', 'driver CPU %',
            'wire load %', 'busiest 0.1 s %', 'sweeps skipped', 'not read',
@@ -63,18 +62,18 @@ COLUMNS = ('minutes', 'taxel frames', 'of these incomplete', 'TPDOs not received
 
 
 class Row(NamedTuple):
-    """Results of one window of time. The counts are for this window alone."""
+    """Results and counts for one time window."""
 
     minutes: float
     frames: int
     incomplete: int
-    missing: int  #: TPDOs of these sweeps that were not received
-    lost: int     #: TPDOs that were received, but too late or unusable for another reason
+    missing: int  #: TPDOs that were expected in this window but not received
+    lost: int     #: TPDOs that arrived too late or were unusable for another reason
     load: float
-    stall: float  #: longest time for which the machine did not run the process that only sleeps [ms]
-    latency: tuple[float, ...]  #: latency at PERCENTILES [ms]
-    memory: float               #: resident memory of the driver's process [MB]
-    cpu: float                  #: load of the driver's process [cores]
+    stall: float  #: longest stall of the process that only sleeps [ms]
+    latency: tuple[float, ...]  #: latencies at PERCENTILES [ms]
+    memory: float               #: resident memory of the process with the driver [MB]
+    cpu: float                  #: CPU load of the process with the driver [cores]
     sender: WireReport
 
     def cells(self) -> list[str]:
@@ -91,7 +90,7 @@ class Row(NamedTuple):
 
 
 class SkinProcess:
-    """The simulated skin, which runs until ``end``. ``port`` is the port of the adapter that it has opened."""
+    """The simulated skin, which runs until ``end`` is called. ``port`` is the port of the simulated adapter."""
 
     def __init__(self, folder: Path, layout: str, nodes: Sequence[int]):
         self.port, self._file = str(folder / 'can'), folder / 'wire.jsonl'
@@ -103,7 +102,7 @@ class SkinProcess:
             sys.exit('the simulated skin has not started')
 
     def report(self) -> WireReport:
-        """Return what the wire has carried since the previous report."""
+        """Return a report about the bus traffic since the previous call."""
         self._process.send_signal(signal.SIGUSR1)
         end = time.monotonic() + REPORT_TIMEOUT
         while time.monotonic() < end:
@@ -120,7 +119,7 @@ class SkinProcess:
 
 
 class Latencies:
-    """Collects the latencies from SYNC to the arrival of the taxel frame [s] since the last call."""
+    """Collects the latencies from SYNC to the arrival of a taxel frame [s] until the next call of ``take``."""
 
     def __init__(self):
         self._taken, self._lock = array('d'), threading.Lock()
@@ -136,10 +135,10 @@ class Latencies:
 
 
 class StallWatch:
-    """A process that only sleeps. ``take`` returns its largest delay since the last call [s]."""
+    """A process that only sleeps. ``take`` returns the longest stall since the last call [s]."""
 
     def __init__(self):
-        context = multiprocessing.get_context('fork')  # fork before any thread is started
+        context = multiprocessing.get_context('fork')  # fork before any thread starts
         self._longest = context.Value('d', 0.0)
         self._process = context.Process(target=self._watch, daemon=True)
         self._process.start()
@@ -164,7 +163,7 @@ class StallWatch:
 
 
 class Soak:
-    """A running driver, with the counts of its taxel frames."""
+    """A running driver with the measured rows of the table."""
 
     def __init__(self, driver: Supervisor, latencies: Latencies, stalls: StallWatch, skin: SkinProcess):
         self.driver = driver
@@ -198,7 +197,7 @@ class Soak:
 
     @property
     def growth(self) -> float:
-        """Growth of the memory from the end of the first tenth to the end [MB]; the first tenth is the warm-up."""
+        """Growth of the memory after the warm-up, which is the first tenth of the run [MB]."""
         memory = [row.memory for row in self.rows]
         return memory[-1] - memory[len(memory) // 10]
 
@@ -208,7 +207,7 @@ def resident() -> float:
 
 
 def priority() -> str:
-    """Raise the priority of this process and its future children if that is allowed; return the result as text."""
+    """Raise the priority of this process and its future children if permitted, and describe the result."""
     try:
         os.setpriority(os.PRIO_PROCESS, 0, NICE)
     except PermissionError:
@@ -225,7 +224,7 @@ def run(args: argparse.Namespace, skin: SkinProcess, stalls: StallWatch) -> Soak
     try:
         driver.configure()
         driver.start()
-        gc.freeze()  # as the driver node does
+        gc.freeze()  # freeze existing objects, as the driver node does
         soak, windows = Soak(driver, latencies, stalls, skin), max(round(args.minutes * 60 / args.window), 1)
         for number in range(1, windows + 1):
             time.sleep(max(soak._begin + number * args.window - time.monotonic(), 0))
@@ -269,7 +268,7 @@ def main() -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--minutes', type=float, default=10, help='default %(default)s')
+    parser.add_argument('--minutes', type=float, default=10, help='duration in minutes, default %(default)s')
     parser.add_argument('--rate', type=float, default=FULL_LOAD, help='sweeps per second, default %(default)s')
     parser.add_argument('--window', type=float, default=10,
                         help='duration of a row of the table [s], default %(default)s')

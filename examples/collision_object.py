@@ -1,13 +1,13 @@
-"""Make a MoveIt collision object from a contact or a grasp, so that a motion planner takes a held object into account.
+"""Make a MoveIt collision object from a contact or a grasp, so that a motion planner considers the held object.
 
     collision_object(shape, 'held')          # height from the message, which needs the parameter solid_height
     collision_object(shape, 'held', 0.05)    # given height [m]
     held_object(grasp, sides, 'held')        # from `grasp` and `grasp_sides`, with the distance of the contacts as
                                              # height; needs the opening of the gripper
 
-The object is the visible part in the frame of the pad: the outline of the contact, extended along the pad's normal.
-Parts beyond the contact are not visible; let MoveIt add padding for them. If a required fact is not known, no object is
-made (see Refusal).
+The collision object covers only the visible part of the held object: the outline of the contact, extended along the
+pad's normal. Let MoveIt add padding for any parts beyond the contact. If a required value is unknown, the functions
+make no collision object and raise NoObjectError (see Refusal).
 """
 
 from enum import IntEnum
@@ -22,18 +22,18 @@ class Refusal(IntEnum):
     """Reasons why no collision object was made."""
 
     NOT_KNOWN = 0
-    NO_SHAPE = 1        # the shape is none or unknown, or it has no fit
+    NO_SHAPE = 1        # the shape is none or unknown, or has no fit
     SIZE_IS_BOUND = 2   # the object may extend beyond the visible part
     NO_HEIGHT = 3       # the height is neither given nor in the message
     NOT_HELD = 4        # the grasp is not fresh, not two-sided or not stable
-    WIDTH_NOT_KNOWN = 5  # the gripper's opening is not known
-    OTHER_SHAPES = 6    # the sides report different shapes, so the object is not a prism
-    HOLLOW = 7          # the contact is a ring or a frame, so its inside may be hollow or solid
-    OTHER_TIME = 8      # the sides belong to another grasp
+    WIDTH_NOT_KNOWN = 5  # the opening of the gripper is unknown
+    OTHER_SHAPES = 6    # the sides report different shapes, so that the object is not a prism
+    HOLLOW = 7          # the contact is a ring or a frame, whose inside may be hollow or solid
+    OTHER_TIME = 8      # the message with the sides belongs to another grasp
 
 
 class NoObjectError(ValueError):
-    """A message from which no collision object can be made; ``refusal`` is the reason."""
+    """Raised if a message does not yield a collision object. ``refusal`` is the reason."""
 
     def __init__(self, refusal: Refusal):
         super().__init__(f'no collision object: {refusal.name.lower().replace("_", " ")}')
@@ -41,21 +41,20 @@ class NoObjectError(ValueError):
 
 
 def collision_object(shape, object_id: str, height: float | None = None) -> CollisionObject:
-    """Return the object that touches a pad, with the pose of the contact on the skin.
+    """Return a collision object for the object that touches a pad, with the pose of the contact on the skin.
 
     Parameters
     ----------
     shape
         ContactShape message.
     object_id
-        Id of the collision object.
-    height
-        Height of the object [m]; None for the height of the solid in the message.
+        Id of the collision object. height Height of the object [m], or None to use the height of the solid in the
+        message.
 
     Raises
     ------
     NoObjectError
-        If the message does not describe a complete object.
+        Raised if the message does not describe a complete object.
     """
     codes = type(shape)
     if not shape.fit_valid or shape.shape in (codes.NOT_KNOWN, codes.NONE, codes.UNKNOWN):
@@ -79,7 +78,7 @@ def collision_object(shape, object_id: str, height: float | None = None) -> Coll
 
 
 def held_object(grasp, sides, object_id: str) -> CollisionObject:
-    """Return the object between both pads; it extends from the left pad to the right one.
+    """Return a collision object for the object between both pads, extended from the left pad to the right pad.
 
     Parameters
     ----------
@@ -93,7 +92,7 @@ def held_object(grasp, sides, object_id: str) -> CollisionObject:
     Raises
     ------
     NoObjectError
-        If the messages do not describe a complete object.
+        Raised if the messages do not describe a complete object.
     """
     if sides.header.stamp != grasp.header.stamp:
         raise NoObjectError(Refusal.OTHER_TIME)
@@ -109,7 +108,7 @@ def held_object(grasp, sides, object_id: str) -> CollisionObject:
 
 
 def _height_of(shape) -> float:
-    """Return the height of the solid or the mesh in the message, or NaN if there is none."""
+    """Return the height of the solid or of the mesh in the message, or NaN if the message has neither."""
     if len(shape.solid.dimensions):
         is_box = shape.solid.type == SolidPrimitive.BOX
         return shape.solid.dimensions[SolidPrimitive.BOX_Z if is_box else SolidPrimitive.CYLINDER_HEIGHT]
@@ -117,14 +116,14 @@ def _height_of(shape) -> float:
 
 
 def _add_primitive(found: CollisionObject, kind: int, dimensions: tuple[float, ...]) -> None:
-    """Add a primitive. A primitive is centred, so its centre is half its height above the skin."""
+    """Add a primitive. The origin of a primitive is its centre, half the height above the skin."""
     height = dimensions[0] if kind == SolidPrimitive.CYLINDER else dimensions[2]
     found.primitives.append(SolidPrimitive(type=kind, dimensions=dimensions))
     found.primitive_poses.append(Pose(position=Point(z=height / 2)))
 
 
 def _add_prism(found: CollisionObject, corners: list[tuple[float, float]], height: float) -> None:
-    """Add a closed mesh. The corners of each triangle run counter-clockwise as seen from outside."""
+    """Add a prism as a closed mesh. The corners of each triangle run counter-clockwise as seen from outside."""
     n = len(corners)
     if n < 3:
         raise NoObjectError(Refusal.NO_SHAPE)
@@ -138,7 +137,7 @@ def _add_prism(found: CollisionObject, corners: list[tuple[float, float]], heigh
 
 
 def _in_frame(pose: Pose, point) -> tuple[float, float]:
-    """Return a point of the pad in the frame of ``pose``, which is rotated about z only."""
+    """Convert a point on the pad to the frame of ``pose``, which is rotated only about z."""
     z, w = pose.orientation.z, pose.orientation.w
     cos, sin = w * w - z * z, 2 * w * z
     x, y = point.x - pose.position.x, point.y - pose.position.y

@@ -1,12 +1,13 @@
-"""Conditions for a py_trees behaviour tree that succeed while the grasp is stable.
+"""Condition for a py_trees behaviour tree that succeeds while the grasp is stable.
 
     node = rclpy.create_node('tree')
     watch = GraspWatch(node, 'grasp')
     root = py_trees.composites.Sequence('lift', memory=False, children=[
         IsGraspStable('is it held', watch, shapes=('square',), min_confidence=0.8), Lift()])
 
-A condition fails as soon as the latest grasp is too old, for example because a node has ended or hangs. It never
-succeeds because of an old message. Tick the tree in a timer of the same node, or in the thread that spins the node.
+The condition fails as soon as the latest grasp is too old, for example because a node has ended or hangs. An old
+message therefore never makes the condition succeed. Tick the tree in a timer of the same node, or in the thread that
+spins the node.
 """
 
 import time
@@ -23,20 +24,21 @@ from tactile_skin.msg import ContactShape, Grasp
 
 
 class GraspWatch:
-    """Keeps the latest usable grasp of a topic and its age. Several conditions may share it."""
+    """Keeps the latest usable grasp on a topic and its age. Several conditions may share one watch."""
 
     def __init__(self, node, topic: str = 'grasp', steady: Callable[[], float] = time.monotonic):
         self._steady = steady
         self._ages = InputAge(steady=steady)
         self._latest: tuple[Grasp, Arrival] | None = None
-        node.create_subscription(Grasp, topic, self.receive, QoSProfile(depth=1))  # keeps only the latest grasp
+        # a depth of 1 keeps only the latest grasp
+        node.create_subscription(Grasp, topic, self.receive, QoSProfile(depth=1))
 
     def receive(self, grasp: Grasp) -> None:
-        if check_grasp(grasp) is None:  # a malformed message is ignored
+        if check_grasp(grasp) is None:  # ignore malformed messages
             self._latest = grasp, self._ages.arrived(grasp)
 
     def current(self) -> Grasp | None:
-        """Return the latest grasp, or None if there is none or if it is too old to act on."""
+        """Return the latest grasp, or None if no grasp is recent enough to act on."""
         if self._latest is None:
             return None
         grasp, arrival = self._latest
@@ -46,7 +48,7 @@ class GraspWatch:
 
 
 class IsGraspStable(py_trees.behaviour.Behaviour):
-    """SUCCESS while an object is held stably, FAILURE otherwise.
+    """Behaviour that returns SUCCESS while an object is held stably, and FAILURE otherwise.
 
     Parameters
     ----------
@@ -55,9 +57,10 @@ class IsGraspStable(py_trees.behaviour.Behaviour):
     watch
         Source of the latest grasp.
     shapes
-        Names of accepted shapes; empty for any object.
+        Names of the accepted shapes. An empty collection accepts any object.
     min_confidence
-        Smallest confidence in a known shape, from both faces together. Above 0, an unknown shape fails.
+        Smallest accepted confidence in a known shape, from both faces together. If this value is above 0, an unknown
+        shape fails.
     """
 
     def __init__(self, name: str, watch: GraspWatch, shapes: Collection[str] = (), min_confidence: float = 0.0):
@@ -69,11 +72,12 @@ class IsGraspStable(py_trees.behaviour.Behaviour):
         return py_trees.common.Status.FAILURE if self.feedback_message else py_trees.common.Status.SUCCESS
 
     def _missing(self) -> str:
-        """Return the first condition that is not met, or '' if all are met."""
+        """Return the first requirement that is not met, or an empty string if all are met."""
         grasp = self._watch.current()
         if grasp is None:
             return 'not known'
-        if (found := doubt(grasp, silence=0.0, max_age=inf)) is not Doubt.NONE:  # `current` has checked the times
+        # `current` has already checked the times
+        if (found := doubt(grasp, silence=0.0, max_age=inf)) is not Doubt.NONE:
             return found.value
         if self._shapes and grasp.class_name not in self._shapes:
             return 'another shape'

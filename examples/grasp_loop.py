@@ -1,6 +1,6 @@
-"""The loop around examples/planner_client.py: close lightly, ask, move, until the contacts oppose or the loop gives up.
+"""Loop around examples/planner_client.py that closes, asks and moves until the contacts oppose or the loop gives up.
 
-The loop only reads decisions. Your program moves the gripper:
+The loop only turns the planner's decisions into orders. Your program moves the gripper:
 
     loop = GraspLoop()
     loop.closed(now)                                  # after closing with a light force, 2 N
@@ -12,9 +12,9 @@ The loop only reads decisions. Your program moves the gripper:
 from enum import IntEnum
 from typing import NamedTuple
 
-SETTLE = 0.4      # time after closing without a decision [s]; longer than MAX_AGE, so only data after closing count
-PATIENCE = 5.0    # time after closing in which a decision must come [s]
-MAX_MOVES = 12    # number of moves after which the loop gives up
+SETTLE = 0.4      # wait after closing before decisions count [s], longer than MAX_AGE to exclude older data
+PATIENCE = 5.0    # time limit for a decision after closing [s]
+MAX_MOVES = 12    # largest number of moves before the loop gives up
 MOVES = ('shift', 'rotate', 'tilt', 'regrasp')
 
 
@@ -24,8 +24,8 @@ class Reason(IntEnum):
     NOT_KNOWN = 0
     NOT_GIVEN_UP = 1
     NOT_SEEN = 2     # nothing was known about the object in the gripper
-    NO_DECISION = 3  # a contact was missing, never stable, or cut by the edge of only one pad
-    EMPTY = 4        # both pads were seen and empty
+    NO_DECISION = 3  # a contact was missing, was never stable, or was cut off by the edge of only one pad
+    EMPTY = 4        # both pads were seen empty
     TOO_MANY_MOVES = 5
 
 
@@ -38,7 +38,7 @@ class Order(NamedTuple):
 
 
 class GraspLoop:
-    """Follows one grasp from its first closing. Times are of a steady clock [s]."""
+    """Follows one grasp from the first closing on. All times come from a steady clock [s]."""
 
     def __init__(self, patience: float = PATIENCE, max_moves: int = MAX_MOVES):
         self._patience = patience
@@ -51,7 +51,7 @@ class GraspLoop:
         self._closed_at = now
 
     def next(self, correction, now: float) -> Order:
-        """Return the next step, from the planner's ``correction`` at the time ``now``."""
+        """Return the next step, given the planner's ``correction`` at the time ``now``."""
         since = now - self._closed_at
         if since < SETTLE:
             return Order('wait')
@@ -61,7 +61,7 @@ class GraspLoop:
             if self.moves >= self._max_moves:
                 return Order('give_up', reason=Reason.TOO_MANY_MOVES)
             self.moves += 1
-            self._closed_at = float('inf')  # so that no decision counts until the gripper has closed again
+            self._closed_at = float('inf')  # no decision counts until the gripper has closed again
             return Order('move', correction)
         if since < self._patience:
             return Order('wait')

@@ -1,10 +1,10 @@
-"""Lift more slowly after an event. The speed of the arm follows from the events of both pads and the latest grasp.
+"""Lift more slowly after an event, given the events of both pads and the latest grasp.
 
     limit = LiftSpeed(node, ('left', 'right'))
     arm.lift(limit.speed())        # as often as you like [m/s]
 
-The absence of events does not mean that nothing slips (docs/events.md). The lift starts at half of the full speed if a
-slide along the pads' y axis could not be observed. It stops if the grasp is not current or a pad has lost its contact.
+Even without events, the object may slip (docs/events.md). If a slide along the pads' y axis cannot be observed, the arm
+lifts at no more than half the full speed. The arm stops if the grasp is too old or a pad has lost its contact.
 """
 
 import time
@@ -20,12 +20,12 @@ from tactile_skin.msg import ContactEvent, ContactMotion, Grasp
 
 FULL = 0.1    # full speed [m/s]
 LEAST = 0.01  # lowest speed after events [m/s]
-CALM = 2.0    # time without an event after which the speed is doubled [s]
+CALM = 2.0    # time without events after which the speed doubles [s]
 SLOWS = (ContactEvent.SLIDING, ContactEvent.TURNING, ContactEvent.LIGHTER)
 
 
 class LiftSpeed:
-    """Halves the speed at each event, and doubles it after each period CALM without an event."""
+    """Halves the lifting speed at each event, and doubles the speed after each period CALM without an event."""
 
     def __init__(self, node, pads: tuple[str, str], steady: Callable[[], float] = time.monotonic):
         self._steady, self._speed, self._since = steady, FULL, steady()
@@ -35,18 +35,18 @@ class LiftSpeed:
             node.create_subscription(ContactEvent, f'{pad}/events', self.on_event, QoSProfile(depth=10))
 
     def on_event(self, event: ContactEvent) -> None:
-        """Slow down, however old the event is, because this is the safe choice."""
+        """Slow down even if the event is old, because slowing down is always safe."""
         if check_contact_event(event) is None and event.kind in SLOWS:
             self._speed, self._since = max(self._speed / 2, LEAST), self._steady()
 
     def on_grasp(self, grasp: Grasp) -> None:
-        if check_grasp(grasp) is None:  # a malformed message is ignored
+        if check_grasp(grasp) is None:  # ignore malformed messages
             self._grasp, self._arrival = grasp, self._ages.arrived(grasp)
-            if any(map(is_moving, grasp.motions)):  # needed if the event itself was lost
+            if any(map(is_moving, grasp.motions)):  # slow down even if the event message was lost
                 self._speed, self._since = min(self._speed, FULL / 2), self._steady()
 
     def speed(self) -> float:
-        """Return the speed at which to lift now [m/s]; 0 means stop."""
+        """Return the speed for lifting now [m/s], or 0 to stop."""
         now = self._steady()
         if self._arrival is None or self._arrival.age(now) > MAX_AGE or self._grasp.contact != Grasp.TWO_SIDED:
             return 0.0

@@ -1,13 +1,13 @@
-"""A client for a grasp planner: it takes each grasp of two tactile pads and reports how to correct the grasp.
+"""Client that reports to a grasp planner how to correct each grasp between two tactile pads.
 
     python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
 
 The actions `shift`, `rotate`, `tilt` and `regrasp` need an open gripper: open, move, close again
 (examples/grasp_loop.py).
 
-The client acts only on current facts. The action `hold` means that the state is not known and the gripper must keep
-still. A grasp is current while its age, including the time since it arrived, is below MAX_AGE, and while the last grasp
-arrived less than MAX_SILENCE ago. A watchdog decides again if no grasp arrives.
+The client acts only on current grasps. The action `hold` means that the state of the grasp is unknown and the gripper
+must keep still. A grasp is current while its age, including the time since its arrival, is at most MAX_AGE, and while
+the last grasp arrived at most MAX_SILENCE ago. A watchdog renews the decision if no grasp arrives.
 """
 
 import time
@@ -16,50 +16,51 @@ from typing import NamedTuple
 
 from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE
 
-MIN_CONFIDENCE = 0.8         # below this probability of the shape, grasp a fully visible object at another place
+MIN_CONFIDENCE = 0.8         # if the shape of a fully visible object is less probable, grasp the object elsewhere
 MAX_OFFSET = 0.002           # largest offset of the contacts' centres across the closing direction [m]
-MAX_ANGLE = 5 * pi / 180     # largest angle between the object's edges and the pad's [rad]
-MAX_MISALIGNMENT = 3 * pi / 180  # largest angle of faces, or of the contacts' line, to the closing direction [rad]
+MAX_ANGLE = 5 * pi / 180     # largest angle between the object's edges and the pad's edges [rad]
+MAX_MISALIGNMENT = 3 * pi / 180  # largest tilt of the faces or of the contacts' line [rad]
 TAUGHT = 8                   # ContactShape.OTHER
 STILL = 1                    # ContactMotion.STILL
 SLIDES = 3                   # ContactMotion.ALONG_X and ALONG_Y
-# pressure per depth of the skin [Pa/m]; if the value is too high, the tilt is too small, and vice versa
+
+# Pressure per depth of the skin [Pa/m]. If the value is too high, the corrections of the tilt are too small.
 STIFFNESS = 25e6
-FLUSH = 0.015                # smallest angle whose direction is known [rad]
+FLUSH = 0.015                # smallest tilt whose direction can be measured [rad]
 WATCHDOG_PERIOD = 0.02       # period of the watchdog [s]
-REPORT_PERIOD = 0.5          # period of reports while the action stays the same [s]
+REPORT_PERIOD = 0.5          # period of reports while the action is unchanged [s]
 
 
 class Correction(NamedTuple):
-    """The next step. Moves and rotations are those of the gripper, in the frame of the left pad."""
+    """The next step for the gripper, with its move and rotation in the frame of the left pad."""
 
     action: str                         # 'hold', 'wait', 'open', 'regrasp', 'shift', 'rotate', 'tilt' or 'lift'
     shift: tuple[float, float] = (0.0, 0.0)  # [m]
-    angle: float = 0.0                  # rotation about the pad's z [rad]
-    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector [rad]; both frames have the same axes
-    is_part: bool = False               # for 'lift': the object is longer than the pads and held anywhere along it
+    angle: float = 0.0                  # rotation about the pad's z axis [rad]
+    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector, the same in both frames [rad]
+    is_part: bool = False               # True for a lift at an unknown place along a long object
 
 
-HOLD, WAIT = Correction('hold'), Correction('wait')  # 'hold': keep still, since the content of the gripper is unknown
+HOLD, WAIT = Correction('hold'), Correction('wait')  # 'hold' keeps the gripper still
 
 
 def asked_for(grasp, aim: tuple[float, float]) -> Correction:
-    """Return the correction that a current grasp needs.
+    """Return the correction for a current grasp.
 
-    The worst flaw comes first. Contacts that do not oppose come before all other flaws, because neither shape nor place
-    is reliable on oblique faces.
+    The function corrects the worst flaw first. Contacts that do not oppose each other are corrected before all other
+    flaws, because neither shape nor place is reliable on oblique faces.
 
     Parameters
     ----------
     grasp
         Grasp message.
     aim
-        Place on the left pad where the centre of the object should be [m].
+        Desired place of the object's centre on the left pad [m].
     """
     codes = type(grasp)
     if not grasp.fresh or grasp.contact in (codes.NOT_KNOWN, codes.UNSEEN):
         return HOLD
-    if grasp.contact == codes.NO_CONTACT:  # both pads are seen and empty, so nothing is held
+    if grasp.contact == codes.NO_CONTACT:  # both pads are seen empty, so the gripper holds nothing
         return Correction('open')
     if grasp.contact != codes.TWO_SIDED:
         return WAIT
@@ -67,12 +68,12 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
     if grasp.line_is_bound:
         return from_the_edge(grasp, shift)
     if not isfinite(grasp.offset) or grasp.class_name == 'unknown' and any(grasp.hidden_taxels):
-        return WAIT  # the place or the shape of the object is only partly known
+        return WAIT  # the object's place or shape is only partly known
     tilt = opposing(grasp)
     if grasp.offset > MAX_OFFSET or grasp.misalignment > MAX_MISALIGNMENT or hypot(*tilt) > MAX_MISALIGNMENT:
         return Correction('tilt', tilt=tilt) if all(map(isfinite, tilt)) else Correction('regrasp')
     if not is_sure(grasp):
-        return Correction('regrasp') if grasp.stable else WAIT  # while the contact still moves, more frames may decide
+        return Correction('regrasp') if grasp.stable else WAIT  # wait for more frames while the contact still moves
     if hypot(*shift) > MAX_OFFSET:
         return Correction('shift', shift)
     angle = nearest_edge(grasp.yaw, grasp.symmetry)
@@ -82,31 +83,32 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
 
 
 def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
-    """Return the correction for a contact that is cut by the edge of a pad. The rest of the contact is farther out.
+    """Return the correction for a contact that extends beyond the edge of a pad.
 
-    A contact may still be cut at both pads when the centre of its visible part is at the aim. The object is then longer
-    than the pads, like a bar or a bottle. It is lifted, whatever it is, once no slide is seen and a slide would be
-    seen. The place along the object is not known. If taxels have no value, the hidden part may be anywhere.
+    If the contacts extend beyond both pads while the centre of their visible part is at the aim, the object is longer
+    than the pads, like a bar or a bottle. The function then returns `lift`, whatever the shape, once the motion is
+    observable and shows no slide. The place along the object remains unknown. The function waits if taxels have no
+    value, because the hidden part may be anywhere.
     """
     if not any(grasp.at_edge) or not all(grasp.pads_seen) or any(grasp.hidden_taxels):
         return WAIT
     if hypot(*shift) > MAX_OFFSET:
         return Correction('shift', shift)
-    is_oblique = grasp.misalignment > MAX_MISALIGNMENT or any(  # NaN means not known
+    is_oblique = grasp.misalignment > MAX_MISALIGNMENT or any(  # NaN, which means unknown, is not oblique
         abs(lean) > MAX_MISALIGNMENT * STIFFNESS for lean in grasp.lean)
     rests = all(motion.moving == STILL and motion.observable & SLIDES for motion in grasp.motions)
     is_held = (all(grasp.at_edge) and grasp.offset <= MAX_OFFSET and not is_oblique
-               and not any(grasp.saturated_taxels))  # saturated taxels leave the centre uncertain in every direction
+               and not any(grasp.saturated_taxels))  # saturated taxels make the centre uncertain in every direction
     return Correction('lift', is_part=True) if is_held and rests else WAIT
 
 
 def opposing(grasp) -> tuple[float, float, float]:
-    """Return the rotation of the gripper about the midpoint [rad] after which the contacts oppose; NaN if not known.
+    """Return the rotation of the gripper about the midpoint [rad] that makes the contacts oppose, or NaN if unknown.
 
-    If the faces lean, the gripper turns onto the faces; otherwise it turns along the line of the contacts.
+    The gripper aligns with the faces if they lean, and otherwise with the line of the contacts.
     """
     about_x, about_y = (lean / STIFFNESS for lean in grasp.lean)
-    # If the faces lean, the line is only a diagonal, because friction holds such faces at opposite edges.
+    # If the faces lean, the line of the contacts is a diagonal, because friction holds such faces at opposite edges.
     if hypot(about_x, about_y) <= FLUSH:
         sine = hypot(grasp.axis.x, grasp.axis.y) or 1.0
         about_x, about_y = -grasp.misalignment * grasp.axis.y / sine, grasp.misalignment * grasp.axis.x / sine
@@ -114,19 +116,19 @@ def opposing(grasp) -> tuple[float, float, float]:
 
 
 def is_sure(grasp) -> bool:
-    """Return True if the shape is reliable. Except for a taught shape, it must have a size and an angle."""
+    """Return True if the shape is reliable. Only a taught shape may lack a size and an angle."""
     has_fit = len(grasp.dimensions) and not (grasp.symmetry and not isfinite(grasp.yaw))
     return grasp.confidence >= MIN_CONFIDENCE and (has_fit or grasp.shape == TAUGHT)
 
 
 def nearest_edge(angle: float, symmetry: int) -> float:
-    """Return the smallest rotation of the gripper that brings an edge along one of the left pad's axes."""
-    edges = (angle + k * 2 * pi / symmetry for k in range(symmetry))  # all edges that look the same
+    """Return the smallest rotation of the gripper that aligns an edge with an axis of the left pad [rad]."""
+    edges = (angle + k * 2 * pi / symmetry for k in range(symmetry))  # angles of all equivalent edges
     return min((remainder(edge, pi / 2) for edge in edges), key=abs, default=0.0)
 
 
 class Planner:
-    """Decides on the latest grasp while it is current. Times are of a steady clock [s]."""
+    """Decides from the latest grasp while this grasp is current. All times come from a steady clock [s]."""
 
     def __init__(self) -> None:
         self._correction = HOLD
@@ -134,13 +136,13 @@ class Planner:
         self._age_on_arrival = inf
 
     def receive(self, correction: Correction, arrival: float, age: float) -> None:
-        """Store the correction for a grasp that arrived at ``arrival`` with an ``age`` [s]; inf if not known."""
+        """Store the correction for a grasp that arrived at ``arrival`` with an ``age`` [s], or inf if unknown."""
         self._correction = correction
         self._arrival = arrival
         self._age_on_arrival = age
 
     def decide(self, now: float) -> Correction:
-        """Return the step to take at the time ``now``."""
+        """Return the correction to apply at the time ``now``."""
         since = now - self._arrival
         return self._correction if since <= MAX_SILENCE and self._age_on_arrival + since <= MAX_AGE else HOLD
 
@@ -156,17 +158,17 @@ def main() -> None:
     from tactile_skin.msg import Grasp
 
     def on_grasp(grasp: Grasp) -> None:
-        reason = check_grasp(grasp)  # a malformed message is ignored
+        reason = check_grasp(grasp)  # ignore malformed messages
         if reason is not None:
             node.get_logger().warning(f'grasp dropped: {reason.key}', throttle_duration_sec=10.0)
             return
-        arrival = ages.arrived(grasp)  # the age includes the transport delay
+        arrival = ages.arrived(grasp)  # this age includes the transport delay
         aim = tuple(node.get_parameter('aim').value)
         planner.receive(asked_for(grasp, aim), arrival.steady, arrival.age_on_arrival)
         act()
 
     def act() -> None:
-        """Report the decision, at once if it has changed, so that nobody acts on an old one."""
+        """Report the decision, immediately after a change, so that nobody acts on an outdated decision."""
         nonlocal reported, reported_at
         now = time.monotonic()
         correction = planner.decide(now)

@@ -1,4 +1,4 @@
-"""Print the shape that touches a pad: the smallest program that uses the topic `<pad>/shape`.
+"""Print the shape that touches a pad, in the smallest program that uses the topic `<pad>/shape`.
 
     python examples/shape_listener.py --ros-args -r shape:=/pad/shape
 """
@@ -11,12 +11,12 @@ from tactile_skin.msg import ContactShape
 
 
 class ShapeListener(Node):
-    """Prints a line whenever the shape changes, with its size if that is valid."""
+    """Prints a line whenever the shape changes, with the size if the fit is valid."""
 
     def __init__(self):
         super().__init__('shape_listener')
         self._last = None
-        self.create_subscription(ContactShape, 'shape', self._on_shape, 1)  # keeps only the latest shape
+        self.create_subscription(ContactShape, 'shape', self._on_shape, 1)  # a depth of 1 keeps only the latest shape
 
     def _on_shape(self, message: ContactShape) -> None:
         if message.shape == self._last:

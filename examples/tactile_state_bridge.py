@@ -2,13 +2,15 @@
 
     python examples/tactile_state_bridge.py --ros-args -p pads:="[left, right]"
 
-For each array, the node publishes one message on `tactile_states`, with one sensor. The name of the sensor is the name
-of the pad, and must be the channel in the URDF. Stamp and values are unchanged, row by row, in the unit of the skin.
+For each array, the node publishes a message with one sensor on `tactile_states`. The sensor has the name of the pad,
+which must be the name of the channel in the URDF. The node keeps the stamp, and copies the values row by row in the
+unit of the skin.
 
-A taxel without a valid value is NaN, never 0. The displays of RViz paint NaN in an error colour. tactile_merger
-averages NaN into its contact, so the place of the contact becomes NaN, and a running mean stays NaN once it has
-received one. For such programs, use `nan:=leave_out`: a pad is then not published while any of its taxels has no value.
-Places without a taxel are NaN in both cases, because no taxel in the URDF has their index.
+A taxel without a valid value is NaN, never 0. The displays in RViz paint NaN in an error colour. The program
+tactile_merger averages NaN into its contact, so that the place of the contact becomes NaN and a running mean stays NaN
+from then on. For programs like tactile_merger, set `nan:=leave_out`. The node then publishes a pad only while all of
+the pad's taxels have values. Places without a taxel are NaN with either setting, because no taxel in the URDF has the
+index of such a place.
 """
 
 import sys
@@ -17,12 +19,12 @@ from sensor_msgs.msg import ChannelFloat32
 
 from tactile_skin.msg import TaxelArray
 
-KEEP = 'keep'            # value of the parameter nan
-LEAVE_OUT = 'leave_out'  # value of the parameter nan
+KEEP = 'keep'            # setting of the parameter nan that publishes NaN
+LEAVE_OUT = 'leave_out'  # setting of the parameter nan that skips arrays with NaN
 
 
 def tactile_state(taxels: TaxelArray, name: str, nan: str = KEEP):
-    """Return the TactileState for ``taxels``, or None if it must be left out."""
+    """Return the TactileState for ``taxels``, or None if the array must not be published."""
     from tactile_msgs.msg import TactileState
     codes = (TaxelArray.VALID, TaxelArray.SATURATED, TaxelArray.UNMAPPED)
     if nan == LEAVE_OUT and not all(code in codes for code in taxels.status):
@@ -31,7 +33,7 @@ def tactile_state(taxels: TaxelArray, name: str, nan: str = KEEP):
 
 
 def make_node(**options):
-    """Return the node. Raises ImportError without tactile_msgs, ValueError for a wrong parameter."""
+    """Return the node. Raises ImportError without tactile_msgs, and ValueError for an invalid parameter."""
     from functools import partial
 
     from rclpy.node import Node
@@ -41,7 +43,7 @@ def make_node(**options):
     from tactile_node.ros.message_checks import check_taxel_array
 
     def on_taxels(pad: str, taxels: TaxelArray) -> None:
-        reason = check_taxel_array(taxels)  # a malformed message is ignored
+        reason = check_taxel_array(taxels)  # malformed messages are dropped
         if reason is not None:
             node.get_logger().warning(f'{pad}: taxels dropped: {reason.key}', throttle_duration_sec=10.0)
             return

@@ -1,4 +1,4 @@
-"""A robot with two grippers and two pads on each: `ros2 launch /path/to/two_grippers.launch.py simulate:=true`."""
+"""Start two grippers with two pads each: `ros2 launch /path/to/two_grippers.launch.py simulate:=true`."""
 
 from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
@@ -15,7 +15,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def gripper(arm: str, channel: str) -> GroupAction:
-    """Start a gripper in its own group, so that its arguments stay in it; topics are /<arm>/gripper/left/shape, ..."""
+    """Start a gripper in its own group, which isolates the arguments, with topics such as /<arm>/gripper/left/shape."""
     bringup = PythonLaunchDescriptionSource([FindPackageShare('tactile_skin'), '/launch/bringup.launch.py'])
     given = {'channel': channel, 'pads': 'left,right', 'node_ids': '32,64', 'namespace': 'gripper',
              'frame_prefix': f'{arm}/', 'simulate': LaunchConfiguration('simulate')}

@@ -1,4 +1,4 @@
-"""Wait for a grasp and print the held object: the smallest program that uses the action `wait_for_grasp`.
+"""Wait for a grasp and print the held object, in the smallest program that uses the action `wait_for_grasp`.
 
     python examples/wait_for_grasp.py
 """
@@ -14,11 +14,11 @@ from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import Grasp
 
 TIMEOUT = 20  # time allowed for the grasp [s]
-LATE = 15.0  # time to find the node [s], and extra time for its answer, because a node that has ended never answers
+LATE = 15.0  # longest wait to find the node, and beyond TIMEOUT for its answer, because an ended node never answers [s]
 
 
 def wait_for_grasp(node: Node) -> tuple[Grasp | None, str]:
-    """Return the grasp, or None, with the outcome as text."""
+    """Return the grasp or None, and the outcome as text."""
     client = ActionClient(node, WaitForGrasp, 'grasp/wait_for_grasp')
     if not client.wait_for_server(timeout_sec=LATE):
         return None, 'expected the node of the grasp, found none. Start two pads: docs/howto/my_planner.md'
@@ -28,7 +28,7 @@ def wait_for_grasp(node: Node) -> tuple[Grasp | None, str]:
     rclpy.spin_until_future_complete(node, accepted, timeout_sec=LATE)
     if not accepted.done():
         return None, 'the node of the grasp has not answered' if rclpy.ok() else 'interrupted'
-    answered = accepted.result().get_result_async()  # requested at once, because the server discards it after 2 s
+    answered = accepted.result().get_result_async()  # request the result now, because the server discards it after 2 s
 
     rclpy.spin_until_future_complete(node, answered, timeout_sec=TIMEOUT + LATE)
     if not answered.done():

@@ -1,6 +1,6 @@
-"""Report lines of more than 120 columns in files that no other linter checks: documents, YAML, messages, make.
+"""Report lines longer than 120 columns in files that no other linter checks: documents, YAML, messages, make.
 
-The benchmarks write the tables of *_results.md. Their rows cannot be broken, so they are not checked.
+The script skips table rows in *_results.md, because the benchmarks write these rows and a row cannot be wrapped.
 """
 
 import subprocess
@@ -13,19 +13,19 @@ PATTERNS = ('*.md', '*.yaml', '*.msg', '*.srv', '*.action', '*.in', '*.cfg', '*.
 
 
 def long_lines(path: Path) -> list[str]:
-    """Return 'file:line: columns' of each line that is too long."""
+    """Return a message 'file:line: columns ...' for each line that is too long."""
     lines = path.read_text(encoding='utf-8').splitlines()
     return [f'{path}:{number}: {len(line)} columns, at most {allowed} fit'
             for number, line in enumerate(lines, start=1) if len(line) > (allowed := columns_of(path, line))]
 
 
 def columns_of(path: Path, line: str) -> int:
-    """Return the largest number of columns that a line may have."""
+    """Return the number of columns allowed for a line."""
     return sys.maxsize if path.name.endswith('_results.md') and line.startswith('|') else COLUMNS
 
 
 def main(arguments: list[str]) -> int:
-    """Check the named files, or all files of the repository that match one of PATTERNS."""
+    """Check the files named as arguments or, without arguments, all files in the repository that match PATTERNS."""
     names = arguments or subprocess.run(
         ['git', 'ls-files', '--', *PATTERNS], check=True, capture_output=True, text=True).stdout.splitlines()
     found = [line for name in names if Path(name).is_file() for line in long_lines(Path(name))]

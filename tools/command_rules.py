@@ -1,16 +1,16 @@
-"""Rules that give each command of the documents its class: the test that runs it, or what it needs.
+"""Rules that classify the commands in the documents, by the test that runs a command or by its requirements.
 
-documented_commands.py applies these rules.
+The script documented_commands.py applies these rules.
 """
 
 from enum import Enum
 from typing import NamedTuple
 
-#: A line that begins with one of these words is a command.
+#: Lines that begin with one of these words are commands.
 PROGRAMS = ('tactile', 'make', 'python', 'python3', 'pip', 'ros2', 'rosdep', 'rviz2', 'sudo', 'ip', 'source', 'export',
             'kill', 'git', 'apt', 'plotjuggler', 'echo', 'fast-discovery-server', '.venv/bin/pre-commit',
             '.venv/bin/python')
-HERE = 'test/test_documented_commands.py'  #: Test that runs the commands of class RUN of each page in order.
+HERE = 'test/test_documented_commands.py'  #: Test that runs all commands of class RUN, page by page and in order.
 
 
 class Kind(Enum):
@@ -27,7 +27,7 @@ class Kind(Enum):
 class Rule(NamedTuple):
     pattern: str
     kind: Kind
-    where: str = ''  #: the test that runs the command, or a remark
+    where: str = ''  #: path of the test that runs the command, or a remark
 
 
 #: The first rule whose pattern matches a command decides.

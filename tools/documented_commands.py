@@ -1,11 +1,11 @@
-"""Print every command of the documents with the test that runs it, or with what it needs: `make commands`.
+"""Print each command in the documents with the test that runs the command or its requirements: `make commands`.
 
-A command is a line of an indented or fenced block of code, if a line of the block begins with one of PROGRAMS. Code in
-a sentence is also a command if it begins with one of PROGRAMS. Commands in sentences are often incomplete, so only the
-names in them are checked.
+If any line in an indented or fenced block of code begins with one of PROGRAMS, all lines in the block are commands.
+Inline code is also a command if it begins with one of PROGRAMS. Inline commands are often incomplete, so the script
+checks only the names in them.
 
-A test fails if a command has no class in RULES. It also fails if a command names an option, a file, a make target or a
-launch argument that does not exist.
+A test fails if a command has no class in RULES, or if a command names an option, a file, a make target or a launch
+argument that does not exist.
 """
 
 import argparse
@@ -33,7 +33,7 @@ class Command(NamedTuple):
 
     @property
     def words(self) -> list[str]:
-        """Words of the first program, without the parts that the shell processes."""
+        """The words of the first program on the line, up to the first shell operator."""
         words = shlex.split(self.text, comments=True)
         return words[:next((i for i, word in enumerate(words) if word in SHELL_WORDS), None)]
 
@@ -53,7 +53,7 @@ def commands() -> list[Command]:
 
 
 def commands_of(text: str, page: str) -> list[Command]:
-    """Return the commands of a page, in their order.
+    """Return the commands on a page, in the order of the page.
 
     >>> [(each.line, each.text) for each in commands_of('See `make test`:\\n\\n    make demo  # now\\n', 'a')]
     [(1, 'make test'), (3, 'make demo')]
@@ -69,14 +69,14 @@ def commands_of(text: str, page: str) -> list[Command]:
 
 
 def _blocks(lines: list[str]) -> tuple[list[dict[int, str]], list[str]]:
-    """Return blocks of code as {line number: line, with continued lines joined}, and the page with empty blocks."""
+    """Return the code blocks as {line number: joined line}, and the lines of the page with the code blocks blanked."""
     blocks: list[dict[int, str]] = [{}]
     prose, fence, depth = [], '', 0
     for number, line in enumerate(lines, 1):
         text = line.strip()
         indent = len(line) - len(line.lstrip())
         if re.match(r'(\d+\.|[-*]) ', text) and not fence:
-            depth = indent + len(re.match(r'\S+ ', text)[0])  # column at which the text of a list item begins
+            depth = indent + len(re.match(r'\S+ ', text)[0])  # column where the text of a list item begins
         elif text and not fence and indent == 0:
             depth = 0
         is_code = bool(fence) or indent >= depth + 4 and (not prose or not prose[-1].strip() or bool(blocks[-1]))
@@ -100,7 +100,7 @@ def _add(block: dict[int, str], number: int, text: str) -> None:
 
 
 def _plain(text: str) -> str:
-    """Return ``text`` without the remark or the & at its end."""
+    """Return ``text`` without a trailing comment or `&`."""
     return re.sub(r'\s+(#.*|&)$', '', text).strip()
 
 
@@ -109,7 +109,7 @@ def _is_command(text: str) -> bool:
 
 
 def problem(command: Command) -> str | None:
-    """Return a problem with a name in the command, or None."""
+    """Return a description of an invalid name in the command, or None if all names are valid."""
     words = command.words
     if words[0] == 'tactile':
         return _problem_of_tactile(words[1:], command.in_sentence)

@@ -1,8 +1,8 @@
-"""Draw docs/architecture.png from the imports, and write the imports to docs/architecture.txt: `make architecture`.
+"""Draw docs/architecture.png, and write docs/architecture.txt, from the imports in the code: `make architecture`.
 
-Each box is a room of tactile_node/ with its number of lines of code. An arrow leads from a room to a room that it
-imports. The picture omits an arrow if a chain of other arrows implies it. The text contains all imports, and a test
-compares it with the code.
+Each box is a subpackage of tactile_node/ with its number of lines of code. An arrow leads from a subpackage to each
+subpackage that it imports. The picture omits arrows that are implied by a chain of other arrows. The text file lists
+all imports, and a test compares this list with the code.
 """
 
 import ast
@@ -10,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
-#: The rooms row by row, the lowest row first; x is in units of a box.
+#: Position (column, row) of the box of each subpackage, in box widths and with row 0 at the bottom.
 PLACES = {
     'cia301': (1.0, 0), 'contact': (5.1, 0), 'helmholtz': (6.3, 0),
     'skin': (1.0, 1), 'conditioning': (3.0, 1), 'shape': (5.7, 1),
@@ -27,7 +27,7 @@ WIDTH, HEIGHT = 0.92, 0.5
 
 
 def rooms() -> list[str]:
-    """Return the names of all rooms."""
+    """Return the names of all subpackages."""
     return sorted(path.parent.name for path in PACKAGE.glob('*/__init__.py'))
 
 
@@ -36,7 +36,7 @@ def lines_of(room: str) -> int:
 
 
 def imports_of(room: str) -> list[str]:
-    """Return the other rooms that a room imports, including imports inside functions and names in COMMANDS."""
+    """Return the other subpackages that a subpackage imports, including imports inside functions."""
     found = set()
     for path in (PACKAGE / room).rglob('*.py'):
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
@@ -51,7 +51,7 @@ def edges() -> dict[str, list[str]]:
 
 
 def direct(imports: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return ``imports`` without those that a chain of other imports implies."""
+    """Return ``imports`` without the imports that are implied by a chain of other imports."""
     def reach(room: str) -> set[str]:
         return {further for below in imports[room] for further in ({below} | reach(below))}
     return {room: [below for below in found if not any(below in reach(other) for other in found if other != below)]
@@ -61,11 +61,11 @@ def direct(imports: dict[str, list[str]]) -> dict[str, list[str]]:
 def text(imports: dict[str, list[str]]) -> str:
     """Return the content of docs/architecture.txt."""
     lines = [f'{room}: {", ".join(found) or "-"}' for room, found in imports.items()]
-    return '\n'.join(['# room: the rooms that it imports; written by `make architecture`', *lines]) + '\n'
+    return '\n'.join(['# subpackage: the subpackages that it imports. Written by `make architecture`.', *lines]) + '\n'
 
 
 def draw(imports: dict[str, list[str]], path: Path) -> None:
-    from matplotlib.figure import Figure  # imported here, because the test of the imports draws no picture
+    from matplotlib.figure import Figure  # imported here, because the test of the imports needs no picture
     figure = Figure(figsize=(13, 10))
     axes = figure.subplots()
     for room, found in direct(imports).items():

@@ -1,7 +1,9 @@
-"""Make the CMake files of the ROS wheels use the headers of this environment. `make` runs this script once.
+"""Make the CMake files in the ROS wheels use the headers of this environment.
 
-The exported targets of the wheels name the Python and NumPy headers of the machine that built them. Without this
-script, CMake stops with "includes non-existent path".
+The build with `make` runs this script once.
+
+The CMake targets exported by the wheels refer to the Python and NumPy headers on the machine that built the wheels.
+Without this script, CMake stops with "includes non-existent path".
 """
 
 import re
@@ -16,7 +18,7 @@ BUILDER_PYTHON = re.compile(r'/opt/python/cp\d+-cp\d+/include/python3\.\d+')
 
 
 def rewritten(text: str) -> str:
-    """Return ``text`` with the builder's header folders replaced by this environment's."""
+    """Return ``text`` with the header folders of the build machine replaced by the folders of this environment."""
     text = BUILDER_NUMPY.sub(lambda _: numpy.get_include(), text)
     return BUILDER_PYTHON.sub(lambda _: sysconfig.get_paths()['include'], text)
 

@@ -1,6 +1,7 @@
-"""Make a Debian package of the canopen library in this environment, for robots with apt but without pip.
+"""Make a Debian package from the canopen library in this environment, for robots with apt but without pip.
 
-Run by `make deb`, or: python tools/make_canopen_deb.py dist. The package works with every Python of Debian and Ubuntu.
+Run `make deb`, or: python tools/make_canopen_deb.py dist. The package works with every Python version in Debian and
+Ubuntu.
 """
 
 import re
@@ -10,8 +11,10 @@ import tempfile
 from importlib.metadata import Distribution, distribution
 from pathlib import Path
 
-DEPENDS = {'python-can>=3.0.0': 'python3-can (>= 3.0.0)'}  #: Debian package for each requirement of canopen.
-OF_PIP = {'INSTALLER', 'RECORD', 'REQUESTED', 'direct_url.json'}  #: With these files, pip would uninstall files of apt.
+DEPENDS = {'python-can>=3.0.0': 'python3-can (>= 3.0.0)'}  #: Maps each requirement of canopen to a Debian package.
+
+#: The package omits these files, because with them pip would uninstall files that apt installed.
+OF_PIP = {'INSTALLER', 'RECORD', 'REQUESTED', 'direct_url.json'}
 CONTROL = """Package: python3-canopen
 Version: {version}
 Architecture: all
@@ -26,14 +29,14 @@ Description: {summary}
 
 
 def control(canopen: Distribution) -> str:
-    """Return the control file. Raises KeyError for a requirement that has no package in DEPENDS."""
+    """Return the text of the control file. Raises KeyError if a requirement has no Debian package in DEPENDS."""
     needed = [re.sub('[ ()]', '', each) for each in canopen.requires or () if 'extra ==' not in each]
     return CONTROL.format(version=canopen.version, summary=canopen.metadata['Summary'],
                           depends=', '.join(DEPENDS[each] for each in needed))
 
 
 def make(folder: Path) -> Path:
-    """Write the package to ``folder`` and return its path."""
+    """Write the Debian package to ``folder``, and return the path of the package."""
     canopen = distribution('canopen')
     path = folder / f'python3-canopen_{canopen.version}_all.deb'
     with tempfile.TemporaryDirectory() as root:

@@ -1,8 +1,8 @@
-"""Make the source distribution of all files that git tracks, make the wheel from it, and test both.
+"""Build a source distribution from all files tracked by git, build a wheel from it, and test both.
 
-Run by `make dist`, or: python tools/make_distributions.py dist. For each of the two, the script makes a new
-environment, installs it with its dependencies from the package index, and runs the first commands of a user. It prints
-the sizes.
+Run `make dist`, or: python tools/make_distributions.py dist. To test a distribution, the script creates a new
+environment, installs the distribution with its dependencies from the package index, and runs the commands that a new
+user runs first. The script then prints the sizes of both distributions.
 """
 
 import argparse
@@ -17,14 +17,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LOG = ROOT / 'test/data/sim16x16_two_pads.log.gz'
-#: All archives contain this date, so that the same sources give identical files.
+#: All archives contain this fixed date, so that builds from the same sources are identical.
 EPOCH = '1735689600'  # 2025-01-01
 OFFLINE = ('--quiet', '--disable-pip-version-check', '--no-index', '--no-build-isolation', '--no-deps')
 SHAPES = {'circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle'}
 
 
 def tracked_sources(folder: Path) -> Path:
-    """Copy the current files that git tracks to ``folder``, without files of an earlier build."""
+    """Copy the working versions of all files tracked by git to ``folder``, without build products."""
     names = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, check=True, capture_output=True).stdout
     for name in filter(None, names.decode().split('\0')):
         if (ROOT / name).is_file():
@@ -34,19 +34,19 @@ def tracked_sources(folder: Path) -> Path:
 
 
 def run(*command: object, cwd: Path, environment: Mapping[str, str] = os.environ) -> str:
-    """Return the output of ``command``. Raises CalledProcessError if it fails."""
+    """Run ``command`` and return its output. Raises CalledProcessError if the command fails."""
     return subprocess.run([str(part) for part in command], cwd=cwd, env={**environment, 'SOURCE_DATE_EPOCH': EPOCH},
                           check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def source_distribution(source: Path, dist: Path) -> Path:
-    """Make the .tar.gz of the sources in ``source`` with the PEP 517 hook of setuptools, and return its path."""
+    """Build a source distribution of ``source`` with the PEP 517 hook of setuptools, and return its path."""
     hook = 'import sys; from setuptools import build_meta; print(build_meta.build_sdist(sys.argv[1]))'
     return dist / run(sys.executable, '-c', hook, dist, cwd=source).split()[-1]
 
 
 def wheel(source: Path, dist: Path) -> Path:
-    """Make the wheel of ``source``, a folder or a source distribution, and return its path."""
+    """Build a wheel from ``source``, a folder or a source distribution, and return the wheel's path."""
     before = set(dist.glob('*.whl'))
     run(sys.executable, '-m', 'pip', 'wheel', *OFFLINE, '--wheel-dir', dist, source, cwd=dist)
     made, = set(dist.glob('*.whl')) - before
@@ -54,7 +54,7 @@ def wheel(source: Path, dist: Path) -> Path:
 
 
 def try_out(distribution: Path, work: Path) -> None:
-    """Install ``distribution`` in a new environment and run the first commands of a user. Raises if one fails."""
+    """Install ``distribution`` in a new environment, and run a new user's first commands. Raises if a command fails."""
     run(sys.executable, '-m', 'venv', work / 'venv', cwd=work)
     binaries = work / 'venv/bin'
     clean = {name: value for name, value in os.environ.items() if name not in ('PYTHONPATH', 'AMENT_PREFIX_PATH')}
@@ -72,7 +72,7 @@ def try_out(distribution: Path, work: Path) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Make source distribution and wheel in the given folder."""
+    """Build and test the source distribution and the wheel in the given folder."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('dist', type=Path)
     dist = parser.parse_args(arguments).dist.resolve()

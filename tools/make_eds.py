@@ -1,8 +1,8 @@
-"""Write config/*.eds for our example skins from their layouts: ``python tools/make_eds.py``.
+"""Generate config/*.eds for our example skins from the skins' layouts: ``python tools/make_eds.py``.
 
-Each object that a layout maps becomes an entry. Each TPDO becomes a communication record and a mapping record
-(CiA 306). The defaults of the TPDOs are those of the layout, but the TPDOs are disabled. Like most devices, the skin
-sends nothing until it is configured.
+The script writes an entry for each object that a layout maps, and a communication record and a mapping record for each
+TPDO (CiA 306). The default values of the TPDOs come from the layout, but the TPDOs are disabled. Like most devices, the
+skin sends nothing until it is configured.
 """
 
 from pathlib import Path
@@ -25,8 +25,9 @@ from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_file import load_layout
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
-VENDOR = 0x0000_05C1  # example number, not assigned by CiA
-# Data types (CiA 301, 7.4.7.1)
+VENDOR = 0x0000_05C1  # example vendor number that CiA has not assigned
+
+# Indices of the data types (CiA 301, 7.4.7.1)
 I16 = '0x0003'
 U8 = '0x0005'
 U16 = '0x0006'
@@ -34,7 +35,7 @@ U32 = '0x0007'
 STRING = '0x0009'
 DOMAIN = '0x000F'
 U64 = '0x001B'
-SKINS = {  # layout: product name, product number, type of the mapped objects
+SKINS = {  # Each layout has a product name, a product number and the data type of the mapped objects.
     'sim16x16': ('Simulated skin 16x16', 0x1616_0008, U8),
     'sim8x8_16bit': ('Simulated skin 8x8, CiA 404 process values', 0x0808_0010, I16),
     'nus_sinapse_64x64': ('Simulated skin 64x64, on/off', 0x4040_0001, U64),
@@ -106,7 +107,7 @@ def communication_objects(layout: SkinLayout, product: str, number: int) -> dict
 
 
 def times() -> list[tuple | None]:
-    """Return sub-indices 3 to 5 of a communication record. CiA 301 reserves 4, so it is not implemented."""
+    """Return sub-indices 3 to 5 of a communication record. Sub-index 4 is None, because CiA 301 reserves it."""
     return [('Inhibit time', U16, 'rw', 0), None, ('Event timer', U16, 'rw', 0)]
 
 
@@ -127,7 +128,7 @@ def taxel_objects(layout: SkinLayout, taxel_type: str) -> dict[int, list[str]]:
 def auto_zero_objects(layout: SkinLayout) -> dict[int, list[str]]:
     """Return the auto-zero object of CiA 404 with one channel for each taxel, row by row.
 
-    Writing the signature "zero" to a channel sets its zero.
+    Writing the signature "zero" to a channel sets the zero of the channel's taxel.
     """
     channels = [(f'Auto-zero {channel}', U32, 'wo', 0) for channel in range(1, layout.rows * layout.cols + 1)]
     return {AUTO_ZERO: record(f'{AUTO_ZERO:X}', 'AI autozero', 'ARRAY', channels)}

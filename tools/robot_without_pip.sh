@@ -1,5 +1,5 @@
 #!/bin/bash
-# What a robot without pip does, in a clean root (make deb-test): the command of docs/install.md, then our package.
+# Install and run our package in a clean root without pip, with the command from docs/install.md (make deb-test).
 set -euxo pipefail
 cd /srv
 if command -v pip; then exit 1; fi

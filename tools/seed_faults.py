@@ -1,9 +1,10 @@
-"""Show that the tests find faults: put one fault at a time into a copy of the package, and run the tests on it.
+"""Show that the tests find faults, by putting one fault at a time into a copy of the package and running the tests.
 
     python tools/seed_faults.py [--all-tests] [NAME ...]
 
-The faults are in seeded_faults.yaml. Each names a file, a text in it, the text that replaces it, and the test files
-that should notice. With ``--all-tests``, all tests run instead. The exit code is 1 if the tests miss a fault.
+The file seeded_faults.yaml lists the faults. Each fault names a source file, a text in this file, the replacement of
+the text, and the test files that should notice the fault. With ``--all-tests``, the script runs all tests instead. The
+exit code is 1 if the tests miss a fault.
 """
 
 import argparse
@@ -22,7 +23,7 @@ FAULTS = Path(__file__).with_name('seeded_faults.yaml')
 
 
 class SeededFault(NamedTuple):
-    """One fault: the text ``old`` in ``file`` is replaced by ``new``, and at least one of ``tests`` has to fail."""
+    """A fault that replaces the text ``old`` in ``file`` by ``new``, so that at least one of ``tests`` must fail."""
 
     name: str
     file: str
@@ -32,14 +33,14 @@ class SeededFault(NamedTuple):
 
 
 def load_faults(path: Path = FAULTS) -> list[SeededFault]:
-    """Return the listed faults."""
+    """Return all faults listed in the file."""
     return [SeededFault(**each) for each in yaml.safe_load(path.read_text())]
 
 
 def finding_test(fault: SeededFault, tests: list[str]) -> str | None:
-    """Return the first of the test files' tests that fails with ``fault`` seeded, or None if all pass.
+    """Seed ``fault``, run the test files ``tests``, and return the first failing test, or None if all tests pass.
 
-    Raises ValueError if the text to replace does not occur exactly once.
+    The function raises ValueError if the text to replace does not occur exactly once.
     """
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / 'copy'
@@ -60,9 +61,9 @@ def finding_test(fault: SeededFault, tests: list[str]) -> str | None:
 
 
 def main() -> int:
-    """Print which test finds each fault."""
+    """Seed each fault, and print which test finds it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('names', nargs='*', help='only these faults')
+    parser.add_argument('names', nargs='*', help='names of the faults to seed, default all')
     parser.add_argument('--all-tests', action='store_true', help='run all tests instead of the expected ones')
     given = parser.parse_args()
     chosen = [fault for fault in load_faults() if not given.names or fault.name in given.names]

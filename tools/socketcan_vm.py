@@ -1,11 +1,12 @@
-"""Boot a small virtual machine with a real Linux CAN stack and run a command of this checkout in it.
+"""Run a command of this checkout in a small virtual machine with a real Linux CAN stack.
 
     python tools/socketcan_vm.py [--folder build/socketcan] COMMAND...
 
-The script needs apt, but neither root nor KVM. It unpacks Debian packages into --folder and installs nothing. The
-machine sees the files of this host read-only, with an overlay in RAM. It has two CAN controllers (SJA1000) on one
-emulated bus, can0 and can1, and two virtual CAN interfaces, vcan0 and vcan1. The exit code is that of the command, or
-77 if the machine could not be started. In this case, --folder/not_run contains the reason.
+The script needs apt, but neither root nor KVM. The script unpacks Debian packages into --folder and installs nothing on
+the host. The virtual machine sees the files of the host read-only, with an overlay in RAM. The virtual machine has two
+CAN controllers (SJA1000) on one emulated bus, can0 and can1, and two virtual CAN interfaces, vcan0 and vcan1. The
+script exits with the exit code of the command, or with 77 if the virtual machine cannot be started. After exit code 77,
+the file not_run in --folder contains the reason.
 """
 
 import argparse
@@ -21,7 +22,7 @@ import tempfile
 import threading
 from pathlib import Path
 
-NOT_STARTED = 77  #: Exit code for "skipped" in tests of automake.
+NOT_STARTED = 77  #: Exit code that means "skipped" in Automake tests.
 PACKAGES = ('qemu-system-x86', 'linux-image-amd64', 'busybox-static', 'kmod', 'iproute2')
 MODULES = ('9pnet_virtio', 'virtio_pci', '9p', 'overlay', 'vcan', 'can-raw', 'slcan', 'kvaser_pci')
 RESULT = 'socketcan_vm: command ended with '
@@ -52,16 +53,17 @@ poweroff -f
 
 
 class CannotStartError(Exception):
-    """The machine cannot be started, for the reason in the message."""
+    """Raised if the virtual machine cannot be started. The message contains the reason."""
 
 
 def fetch(folder: Path) -> None:
-    """Unpack those of PACKAGES that this host does not have into ``folder``/root."""
+    """Download the Debian packages in PACKAGES, and unpack them into ``folder``/root."""
     root, debs = folder / 'root', folder / 'debs'
     if (folder / 'unpacked').exists():
         return
     if not shutil.which('apt-get') or not shutil.which('dpkg-deb'):
-        raise CannotStartError('found neither apt-get nor an earlier download; this needs Debian or Ubuntu')
+        raise CannotStartError('expected apt-get and dpkg-deb, or an earlier download, found neither. '
+                               'Run this script on Debian or Ubuntu.')
     (debs / 'partial').mkdir(parents=True, exist_ok=True)
     print('socketcan_vm: downloading kernel and emulator (about 100 MB, once)', flush=True)
     settings = [f'Dir::Cache::archives={debs.resolve()}', 'Debug::NoLocking=1', 'APT::Sandbox::User=']
@@ -77,7 +79,7 @@ def fetch(folder: Path) -> None:
 
 
 def found(root: Path, *patterns: str) -> Path:
-    """Return the first file below ``root`` that matches one of ``patterns``."""
+    """Return the first path below ``root`` that matches one of ``patterns``."""
     for pattern in patterns:
         for path in sorted(root.glob(pattern)):
             return path
@@ -85,7 +87,7 @@ def found(root: Path, *patterns: str) -> Path:
 
 
 def make_initramfs(folder: Path) -> tuple[Path, Path]:
-    """Return the kernel and an initramfs without the command. `boot` adds the command as a second archive."""
+    """Return the kernel and an initramfs, to which `boot` appends the command as a second archive."""
     root, image = folder / 'root', folder / 'initramfs.gz'
     kernel = found(root, 'boot/vmlinuz-*')
     version = kernel.name.removeprefix('vmlinuz-')
@@ -107,7 +109,7 @@ def make_initramfs(folder: Path) -> tuple[Path, Path]:
 
 
 def archive(tree: Path) -> bytes:
-    """Return ``tree`` as a cpio archive in the format newc (Linux Documentation/driver-api/early-userspace)."""
+    """Return ``tree`` as a cpio archive in newc format (Linux Documentation/driver-api/early-userspace)."""
     parts = []
     for number, path in enumerate(sorted(tree.rglob('*')), 1):
         status, name = path.lstat(), str(path.relative_to(tree)).encode() + b'\0'
@@ -121,7 +123,7 @@ def archive(tree: Path) -> bytes:
 
 
 def with_init(folder: Path, image: Path, command: str) -> Path:
-    """Write the initramfs followed by a second archive, which contains /init with the command; return its path."""
+    """Append an archive that contains /init with the command to the initramfs, and return the path of the new file."""
     with tempfile.TemporaryDirectory() as name:
         init = Path(name) / 'init'
         init.write_text(INIT.format(modules=' '.join(MODULES), command=shlex.quote(command), begun=BEGUN,
@@ -133,7 +135,7 @@ def with_init(folder: Path, image: Path, command: str) -> Path:
 
 
 def emulator(root: Path) -> tuple[list[str], dict[str, str]]:
-    """Return command and environment of the host's QEMU, or of the unpacked QEMU with its libraries."""
+    """Return the command and the environment to run QEMU, either the host's QEMU or the unpacked one."""
     if own := shutil.which('qemu-system-x86_64'):
         return [own], {}
     libraries = {str(path.parent) for path in root.glob('**/*.so.*')}
@@ -164,7 +166,7 @@ def boot(folder: Path, command: str, seconds: float) -> int:
 
 
 def relay(machine: subprocess.Popen, seconds: float) -> int:
-    """Print the output of the machine until the command ends, and return the exit code of the command."""
+    """Print the output of the virtual machine until the command ends, and return the command's exit code."""
     watchdog = threading.Timer(seconds, machine.kill)
     watchdog.start()
     last, begun = '', False

@@ -1,1 +1,1 @@
-"""The recognition benchmark: cases, anchors, figures and pages. bench/bench_recognition.py runs it."""
+"""Recognition benchmark with its cases, anchors, figures and pages, run by bench/bench_recognition.py."""

@@ -1,4 +1,4 @@
-"""Train the anchors on the samples of our own training, with the pools in the same proportions."""
+"""Train the anchors on our own training samples, with the pools in the same proportions."""
 
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -15,31 +15,31 @@ from training.pools import Part, draw_parts, forms_of, read_parts
 from training.samples import UNKNOWN, Samples
 from training.train import MIX, PARTS
 
-WITHOUT = frozenset({'foreign', 'noise'})  #: Pools that are left out, because the anchors know only the five classes.
+WITHOUT = frozenset({'foreign', 'noise'})  #: Pools to skip, because the anchors know only the five classes.
 
 
 def train_anchors(folder: Path, share: float, epochs: float, jobs: int, say: Callable[[str], None]) -> dict[bool, list]:
-    """Train the CNN and the trees for both kinds of frames, and return them by kind.
+    """Return the trained CNN and trees, in a dict with the keys True for on/off frames and False for pressures.
 
     Parameters
     ----------
     folder : Path
-        Folder of the training samples. Missing samples are drawn.
+        Folder of the training samples. The function draws missing samples.
     share : float
-        Share of the largest pool that is used.
+        Share of the largest pool to train on.
     epochs : float
-        Number of epochs of the CNN.
+        Number of training epochs for the CNN.
     jobs : int
-        If 2, both kinds of frames are trained at the same time.
+        Number of processes. With 2 processes, both kinds of frames are trained at the same time.
     say : Callable[[str], None]
-        Function that reports the progress.
+        Function that prints a progress message.
     """
     if not any(folder.glob('*')):
         claim(folder)
     parts = parts_of(share)
     say(f'training the anchors on {sum(parts.values())} parts of training for each kind of frame ('
         f'{", ".join(f"{name} {count}" for name, count in parts.items())}), the CNN for {epochs:g} epochs')
-    forms_of(folder, 'blemish')  # the pools that both kinds of frames share
+    forms_of(folder, 'blemish')  # both kinds of frames share these pools, so make them before the processes start
     solution_pool(folder.parent / 'mechanics')
     kinds, of_each = (True, False), (folder, share, epochs)
     if jobs < 2:
@@ -49,7 +49,7 @@ def train_anchors(folder: Path, share: float, epochs: float, jobs: int, say: Cal
 
 
 def parts_of(share: float) -> dict[str, int]:
-    """Return the number of parts of each pool, in the proportions of a batch of our training; at least 1 of each."""
+    """Return the number of parts per pool, at least 1, in the proportions of a batch in our training."""
     known = {name: size for name, size in MIX.items() if name not in WITHOUT}
     most = max(known, key=lambda name: known[name])
     unit = share * PARTS[most] / known[most]
@@ -64,7 +64,7 @@ def trained(on_off: bool, folder: Path, share: float, epochs: float) -> list:
 
 
 def anchor_samples(on_off: bool, folder: Path, share: float) -> Samples:
-    """Return the samples of the five classes."""
+    """Return the training samples of the five classes."""
     wanted = [Part('on_off' if on_off else 'graded', pool, number)
               for pool, count in parts_of(share).items() for number in range(count)]
     for _ in draw_parts(folder, wanted):

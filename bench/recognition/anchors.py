@@ -1,8 +1,8 @@
-"""The anchors: methods that an integrator would choose today, a small CNN, and contour features with trees.
+"""The anchors are two methods that an integrator would choose today: a small CNN, and trees on contour features.
 
-Both get the same patch of a contact as our method: place, level and orientation are standard, and torn pieces are
-joined. This gives them an advantage, because they would not have such a patch by themselves. The training samples are
-the same, too.
+The anchors get the same contact patch as our method, with standard place, level and orientation and with torn pieces
+joined. The prepared patch is an advantage for the anchors, because the anchors alone would have no such patch. The
+anchors also train on the same samples as our method.
 """
 
 from typing import NamedTuple
@@ -16,12 +16,12 @@ from torch.nn import functional
 
 from training.samples import UNKNOWN, Samples
 
-CLASSES = UNKNOWN  #: Number of classes; the anchors have no class UNKNOWN.
+CLASSES = UNKNOWN  #: Number of classes. The anchors have no class UNKNOWN.
 TREES = 300
 
 
 class SmallCnn(nn.Module):
-    """Network with three convolutions with pooling and two dense layers, about 0.5 million weights."""
+    """Network with three convolutions, pooling, two dense layers and about 0.5 million weights."""
 
     def __init__(self):
         super().__init__()
@@ -36,7 +36,7 @@ class SmallCnn(nn.Module):
 
 
 class Cnn:
-    """The small CNN, trained by Adam with a falling rate for ``epochs`` epochs."""
+    """The small CNN, trained for ``epochs`` epochs by Adam with a one-cycle learning rate."""
 
     name = 'CNN'
 
@@ -58,7 +58,7 @@ class Cnn:
             schedule.step()
 
     def probabilities(self, samples: Samples) -> np.ndarray:
-        """Return the probabilities of the five classes, (K, 5)."""
+        """Return the probabilities of the five classes as a (K, 5) array."""
         found = []
         with torch.no_grad():
             for part in np.array_split(np.arange(len(samples.labels)), max(len(samples.labels) // 512, 1)):
@@ -71,15 +71,15 @@ class Cnn:
 
 
 class Single(NamedTuple):
-    """One prepared frame, for the measurement of time."""
+    """One prepared frame, used to measure the time of an anchor."""
 
-    image: torch.Tensor  #: (1, 2, SIDE, SIDE)
+    image: torch.Tensor  #: tensor of shape (1, 2, SIDE, SIDE)
     level: np.ndarray    #: uint8, (SIDE, SIDE)
     scale: float
 
 
 class ContourTrees:
-    """Contour features of OpenCV with 300 extremely randomised trees."""
+    """300 extremely randomised trees on contour features from OpenCV."""
 
     name = 'contours + trees'
 
@@ -100,10 +100,10 @@ class ContourTrees:
 
 
 def contour_features(level: np.ndarray, scale: float, graded: bool) -> np.ndarray:
-    """Return features of the outer contour of a patch. For pressures, the grid is four times finer.
+    """Return features of the outer contour of a patch, taken from a four times finer grid for pressures.
 
-    The features are area, perimeter, convex hull, smallest enclosing rectangle, circle and triangle, fitted ellipse,
-    corners of polygonal approximations, and Hu's moments of the contour and of the levels.
+    The features are the area, the perimeter, the convex hull, the smallest enclosing rectangle, circle and triangle,
+    the fitted ellipse, the corners of polygonal approximations, and Hu's moments of the contour and of the levels.
     """
     image = cv2.resize(level, None, fx=4, fy=4, interpolation=cv2.INTER_LINEAR) if graded else level
     contours, _ = cv2.findContours((image > 80).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

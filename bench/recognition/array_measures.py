@@ -1,4 +1,4 @@
-"""Measure how an array changes the contacts on it, from its frames; each quantity has a name."""
+"""Measure how an array changes the contacts on it, as a set of named quantities."""
 
 from collections import defaultdict
 from collections.abc import Iterable
@@ -12,24 +12,24 @@ from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.learning.skin_measures import OFTEN, by_place, fixed_part, residual
 from tactile_node.shape.patch import joined
 
-LEAST = 9    #: Smallest number of taxels of a contact that is used.
-PAIRS = 200  #: Smallest number of pairs of taxels for a correlation.
-LONG = 3.0   #: Smallest ratio of length to width of a bar, by its second moments.
-AWAY = 3     #: Distance from a contact from which on readings are cross-talk [taxels].
-STAMP = 8.0    #: Shortest imprint that is used [s].
-RATE = 30.0    #: Rate of the frames [1/s].
-PLATEAU = 0.2  #: Share of the highest sum of readings above which the stamp presses.
+LEAST = 9    #: Smallest number of taxels in a measured contact.
+PAIRS = 200  #: Smallest number of taxel pairs for a correlation.
+LONG = 3.0   #: Smallest ratio of length to width of a bar, computed from second moments.
+AWAY = 3     #: Readings at this or a larger distance from a contact count as cross-talk [taxels].
+STAMP = 8.0    #: Shortest measured imprint [s].
+RATE = 30.0    #: Frame rate of the recordings [1/s].
+PLATEAU = 0.2  #: The stamp presses while the sum of readings exceeds this share of the highest sum.
 
 
 class Group(NamedTuple):
-    """Frames of one array, or of one of its pads."""
+    """Frames of one array or of one pad."""
 
     frames: list[np.ndarray]
-    largest: float  #: highest reading of the range
+    largest: float  #: full-scale reading
 
 
 def alike(residuals: list[np.ndarray], distance: int) -> float:
-    """Return the correlation of taxels at this distance in a row or column."""
+    """Return the correlation of residuals between taxels at ``distance`` in a row or column."""
     pairs = [(one[:, :-distance], one[:, distance:]) for one in residuals]
     pairs += [(one[:-distance], one[distance:]) for one in residuals]
     one, other = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
@@ -38,7 +38,7 @@ def alike(residuals: list[np.ndarray], distance: int) -> float:
 
 
 def around(frame: np.ndarray, pattern: ContactPattern, mask: np.ndarray) -> dict[str, float]:
-    """Return mean readings outside a contact as shares of its median, for places away from other contacts."""
+    """Return the mean readings in several regions outside a contact, as shares of the contact's median reading."""
     level, rest = np.median(frame[mask]), ~ndimage.binary_dilation(pattern.labels > 0, EIGHT_CONNECTED, AWAY - 1)
     rows, cols = (mask.any(axis)[shape] for axis, shape in ((1, np.s_[:, None]), (0, np.s_[None, :])))
     ring = ndimage.binary_dilation(mask, EIGHT_CONNECTED) & ~mask
@@ -53,7 +53,7 @@ def elongation(mask: np.ndarray) -> float:
 
 
 def measure(groups: list[Group]) -> dict[str, str]:
-    """Return the result for each quantity, as text."""
+    """Return the value of each quantity as text."""
     taxels, rows, cols, residuals, outside = [], [], [], [], defaultdict(list)
     sizes, edges, hollow, bars, whole_range = [], [], 0, 0, []
     for group in groups:
@@ -100,7 +100,7 @@ def measure(groups: list[Group]) -> dict[str, str]:
 
 
 def measure_over_time(rest: list[np.ndarray], stamped: dict[float, np.ndarray]) -> dict[str, str]:
-    """Return noise, drift and creep, from pads at ``rest`` that warm up and from a pad ``stamped`` by weights [g]."""
+    """Return noise and drift of pads at ``rest`` that warm up, and creep of a pad ``stamped`` by weights [g]."""
     first, last = (np.concatenate([pad[of].mean(0).ravel() for pad in rest]) for of in (np.s_[:30], np.s_[-30:]))
     quiet = np.concatenate([np.diff(pad, axis=0).std(0).ravel() for pad in rest])[first > 0] / np.sqrt(2)
     creep, remains, loaded, ends = [], [], [], []

@@ -1,6 +1,7 @@
 """Computed flat punches next to each other on one pad.
 
-Each punch is computed alone, and the stresses are added. This neglects how one punch raises the skin under another.
+Each punch is computed alone, and the stresses are added. The sum of the stresses neglects that one punch raises the
+skin under another.
 """
 
 from typing import NamedTuple
@@ -11,7 +12,7 @@ from bench.recognition import mechanics
 from tactile_node.simulator.world import CLASSES
 from training.ground_truth.layer import measured, sample, stress_field
 
-WEAKEST = 0.5   #: Lowest pressure of a punch, as a share of that of the strongest punch.
+WEAKEST = 0.5   #: Lowest pressure of a punch, as a share of the strongest punch's pressure.
 ROOM = 5.0      #: Margin around the punches [pitches].
 STEP = 0.25     #: Step by which a punch is moved away from the others [pitches].
 
@@ -19,14 +20,14 @@ STEP = 0.25     #: Step by which a punch is moved away from the others [pitches]
 class Pad(NamedTuple):
     """One pad with all its punches, and the same pad with each punch alone."""
 
-    together: np.ndarray  #: (rows, cols) [fraction of full scale], NaN for dead taxels
+    together: np.ndarray  #: frame (rows, cols) [fraction of full scale] with NaN for dead taxels
     alone: np.ndarray     #: (K, rows, cols)
-    under: np.ndarray     #: bool, (K, rows, cols): taxels well under each punch
+    under: np.ndarray     #: (K, rows, cols), True for taxels well inside each punch
     labels: list[str]
 
 
 def draw(rng: np.random.Generator, number: int, area: float, gap: float) -> Pad:
-    """Draw a pad. Each punch is moved away from the earlier ones until ``gap`` lies between them."""
+    """Draw a pad. Each punch is moved away from the earlier punches until a distance of ``gap`` separates them."""
     classes = rng.integers(len(CLASSES), size=number)
     solutions = [mechanics.solved(*mechanics.random_punch(rng, int(k)), rng.uniform(0, 2 * np.pi)) for k in classes]
     angles, outlines = rng.uniform(0, 2 * np.pi, number), []
@@ -50,7 +51,7 @@ def draw(rng: np.random.Generator, number: int, area: float, gap: float) -> Pad:
 
 
 def _dense(corners: np.ndarray) -> np.ndarray:
-    """Return points on the edges of a polygon, at least ten on each edge."""
+    """Return points on the edges of a polygon, with 40 points per edge, or 2 if the polygon has more than 8 edges."""
     share = np.linspace(0, 1, 40 if len(corners) < 9 else 2, endpoint=False)[:, np.newaxis, np.newaxis]
     return (corners * (1 - share) + np.roll(corners, -1, 0) * share).reshape(-1, 2)
 

@@ -1,7 +1,8 @@
-"""Known shapes with a blemish, which must still be recognised. The training imports nothing from here.
+"""Known shapes with a blemish, which must still be recognised.
 
-The overlap with the shape without a blemish is at least KEPT. Of the five shapes, the figure is most similar to this
-one.
+The training must not import this module.
+
+Each blemished figure overlaps its clean shape by at least KEPT, and resembles this shape more than the other four.
 """
 
 from collections.abc import Callable
@@ -14,13 +15,14 @@ from bench.recognition.stamp import Drawing, Stamp, cropped, drawn, points
 from tactile_node.simulator.world import Contact, random_contact
 from training.ground_truth.overlap import Limits
 
-KEPT = 0.92      #: Smallest overlap of a blemished figure with its shape.
-SPOILED = 0.02   #: Smallest overlap that is lost by the blemish.
-AREA = 0.5       #: Area of a figure in its square of 2 x 2.
-#: The five shapes by their names in the simulator.
+KEPT = 0.92      #: Smallest overlap of a blemished figure with its clean shape.
+SPOILED = 0.02   #: Smallest loss of overlap due to the blemish.
+AREA = 0.5       #: Area of a figure within its square of 2 x 2.
+
+#: Ranges of the aspect ratios and apex angles of the five shapes.
 LIMITS = Limits(ratio=(1.5, 3), legs=(1.5, 2.5), apex=(40, 75))
 
-#: Changes the filled figure of a contact.
+#: Function that adds a blemish to the filled figure of a contact.
 Blemish = Callable[[np.random.Generator, Contact, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -44,7 +46,7 @@ def _middle(rng: np.random.Generator, shape: str) -> Contact:
 
 
 def reported(kind: str, shape: str) -> Drawing:
-    """Return the drawing of figures of ``shape`` with one of BLEMISHES."""
+    """Return a function that draws figures of ``shape`` with a blemish of ``kind`` from BLEMISHES."""
     def figure_of(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         while True:
             contact = _middle(rng, shape)
@@ -57,7 +59,7 @@ def reported(kind: str, shape: str) -> Drawing:
 
 
 def _at_edge(rng: np.random.Generator, contact: Contact) -> tuple[np.ndarray, np.ndarray]:
-    """Return a random place on the outline, uniform by length, and the direction outwards."""
+    """Return a random point on the outline, uniform by length, and the outward direction there."""
     corners = contact.outline(128)
     edge = np.roll(corners, -1, axis=0) - corners
     length = np.hypot(*edge.T)
@@ -66,7 +68,7 @@ def _at_edge(rng: np.random.Generator, contact: Contact) -> tuple[np.ndarray, np
 
 
 def _bar(x: np.ndarray, y: np.ndarray, start: np.ndarray, along: np.ndarray, size: tuple[float, float]) -> np.ndarray:
-    """Return the points of a bar from ``start`` in the direction ``along``. ``size`` is length and width."""
+    """Return True for points in a bar that begins at ``start``, points ``along`` and has ``size`` (length, width)."""
     u, v = x - start[0], y - start[1]
     length, width = size
     ahead, aside = u * along[0] + v * along[1], v * along[0] - u * along[1]
@@ -79,13 +81,13 @@ def _turned(direction: np.ndarray, angle: float) -> np.ndarray:
 
 
 def bump(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Add a knob: a disc around a place on the outline."""
+    """Add a round bump at a random point on the outline."""
     place, _ = _at_edge(rng, contact)
     return whole | (np.hypot(x - place[0], y - place[1]) <= rng.uniform(0.1, 0.24))
 
 
 def wire(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Add a straight line that leaves the contact, 0.4 to 1.2 taxels wide on a contact of 100 taxels."""
+    """Add a straight wire that sticks out of the contact, 0.4 to 1.2 taxels wide on a contact of 100 taxels."""
     place, outward = _at_edge(rng, contact)
     taxel = np.sqrt(AREA) / 10
     size = rng.uniform(2, 9) * taxel, rng.uniform(0.4, 1.2) * taxel
@@ -93,7 +95,7 @@ def wire(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.nd
 
 
 def rough(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Move the outline in and out at random, over lengths of 0.5 to 2 taxels on a contact of 100 taxels."""
+    """Roughen the outline over lengths of 0.5 to 2 taxels on a contact of 100 taxels."""
     waves = ndimage.gaussian_filter(rng.standard_normal(x.shape), rng.uniform(0.5, 2) * np.sqrt(AREA) / 10 * 128 / 2)
     rough = contact.depth(x, y) + rng.uniform(0.01, 0.06) * waves / waves.std() >= 0
     labels, _ = ndimage.label(rough)
@@ -110,7 +112,7 @@ def notch(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.n
 
 
 def chip(rng: np.random.Generator, contact: Contact, whole: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Cut off a corner by a straight line; a circle gets a flat."""
+    """Cut off a corner along a straight line, or cut a flat into a circle."""
     corners = contact.outline(128)
     corner = corners[rng.integers(len(corners))]
     away = _turned(corner / np.hypot(*corner), rng.uniform(-0.3, 0.3))

@@ -1,4 +1,4 @@
-"""Find the conditions in which our method is worse than an anchor: accuracy and test for each cell, and curves."""
+"""Find conditions in which our method is worse than an anchor, with a test of each cell and with curves."""
 
 import csv
 from collections.abc import Iterator
@@ -21,12 +21,12 @@ matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402
 
 SEEDS = 800_000
-BEHIND = 0.015    #: Largest difference by which our method may be worse than the better anchor.
-LEVEL = 0.001     #: Level of significance for all cells together.
-SHOWN = 12        #: Number of rows of the table, for the worst cells.
-NARROWEST = 1.0   #: Smallest range of an axis [%]; a smaller range would show the chance of single patterns.
+BEHIND = 0.015    #: Largest allowed deficit of our method against the better anchor.
+LEVEL = 0.001     #: Significance level for all cells together.
+SHOWN = 12        #: Number of worst cells shown in the table.
+NARROWEST = 1.0   #: Smallest range of an axis [%]. A smaller range would magnify the chance results of single patterns.
 BESIDE = -0.12, 0.0, 0.12
-#: Colours by Okabe and Ito, which people with any colour vision can distinguish.
+#: Colours from Okabe and Ito, which people with any colour vision can distinguish.
 STYLES = ({'color': '#0072b2', 'marker': 'o', 'linewidth': 2},
           {'color': '#d55e00', 'marker': 's', 'linewidth': 1, 'linestyle': '--'},
           {'color': '#009e73', 'marker': '^', 'linewidth': 1, 'linestyle': ':'})
@@ -34,13 +34,13 @@ LABELS = tuple(shape.value for shape in OUTPUTS)
 
 
 class Measured(NamedTuple):
-    """Result of one cell."""
+    """Measured result of one cell."""
 
     cell: Cell
     rates: dict[str, Rate]       #: by contestant
-    by_shape: dict[str, Rate]    #: rates of our method by shape
+    by_shape: dict[str, Rate]    #: rate of our method for each shape
     better: str                  #: the better anchor
-    p_value: float               #: p-value for "not more than BEHIND worse than the better anchor", for this cell alone
+    p_value: float               #: p-value of "at most BEHIND worse than the better anchor", for this cell alone
 
     @property
     def gap(self) -> float:
@@ -48,7 +48,7 @@ class Measured(NamedTuple):
 
 
 def measured(contest: Contest, count: int, purpose: Purpose) -> Iterator[Measured]:
-    """Yield the results of all cells, with ``count`` patterns each."""
+    """Yield the result of each cell, measured with ``count`` patterns."""
     for number, cell in enumerate(cells()):
         yield _of(cell, contest.run(_case(cell, count, seeded(SEEDS + number, purpose))))
 
@@ -85,7 +85,7 @@ def table(found: list[Measured]) -> Table:
 
 
 def is_behind(one: Measured, number: int) -> bool:
-    """Return True if a cell is significantly behind, with Bonferroni's correction for ``number`` cells."""
+    """Return True if our method is significantly behind, with Bonferroni's correction for ``number`` cells."""
     return one.p_value * number < LEVEL
 
 
@@ -103,7 +103,7 @@ def write_spots(path: Path, found: list[Measured]) -> None:
 
 
 def draw_curves(path: Path, found: list[Measured], columns: int = 3) -> None:
-    """Draw one panel for each curve and kind of frame; a ring marks a cell that is significantly behind."""
+    """Draw a panel for each curve and kind of frame, with a ring where our method is significantly behind."""
     curves: dict[tuple[str, bool], list[Measured]] = {}
     for one in found:
         curves.setdefault((one.cell.curve, one.cell.on_off), []).append(one)
@@ -123,7 +123,7 @@ def draw_curves(path: Path, found: list[Measured], columns: int = 3) -> None:
 
 
 def _draw(axis, of_curve: list[Measured], number: int) -> None:
-    """Draw one curve, with the contestants side by side, because lines at 100 % would hide each other."""
+    """Draw one curve, with the marks of the contestants side by side, because lines at 100 % would hide each other."""
     place = np.arange(len(of_curve))
     names = list(of_curve[0].rates)
     lowest = min(100 * one.rates[name].value for one in of_curve for name in names)

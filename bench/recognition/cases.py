@@ -1,4 +1,4 @@
-"""The cases that are evaluated: patterns that no method was trained on, by condition, kind of frame and size."""
+"""The evaluated cases: patterns on which no method was trained, by condition, kind of frame and size."""
 
 import csv
 from collections.abc import Iterator
@@ -24,16 +24,17 @@ from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
 
 DATA = Path(__file__).resolve().parents[2] / 'test/data'
 BY_HAND, FRAME_LABELS = Path(__file__).parent / 'labels', ('object', 'not', 'unclear')
-#: Fixed thresholds for pressures. The drifting thresholds are multiples of these.
+#: Fixed thresholds for pressures. Conditions with shifted thresholds use multiples of these values.
 PRESS = 0.3
 RELEASE = 0.24
 CLEAN = 'clean'
-#: Evaluation seeds serve one report only, because a report leads to changes. The next report raises this number.
+#: Increase this number for each new report. Evaluation seeds serve only one report, because reports lead to changes.
 ROUND = 7
 PUNCHES, PUNCH_AREAS = 'flat punches', (12, 25, 50, 100)
-FEWER = 10           #: Ratio of the number of flat punches to that of each other indenter.
-DEVELOPMENT = 500    #: Round of seeds for development, which is never reported.
-#: Changes to the nominal conditions, for both kinds of frames.
+FEWER = 10           #: Flat punches are this many times as frequent as any other indenter.
+DEVELOPMENT = 500    #: Round of the development seeds, which are never reported.
+
+#: Deviations from the nominal conditions, for both kinds of frames.
 FIELD: dict[str, dict] = {
     'dead taxels, 10 % (NaN)': {'dead': 0.10},
     'stuck taxels, 3 % (unknown)': {'stuck': 0.03},
@@ -56,8 +57,7 @@ FIELD: dict[str, dict] = {
 class Case(NamedTuple):
     """Patterns of one condition and size.
 
-    ``labels`` are indices of LABELS, with UNKNOWN for outliers. ``samples`` are the patches of the patterns, for the
-    anchors.
+    ``labels`` are indices into LABELS, with UNKNOWN for outliers. ``samples`` are the patches that the anchors get.
     """
 
     condition: str
@@ -73,7 +73,7 @@ class Case(NamedTuple):
 
 def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, purpose=Purpose.EVALUATION,
               kinds=CLASSES) -> Case:
-    """Draw ``count`` patterns of ``kinds`` in turn. A contact that presses no taxel counts as not recognised."""
+    """Draw ``count`` patterns with the ``kinds`` in turn. A contact that presses no taxel counts as not recognised."""
     rng, nominal = seeded(seed, purpose), NOMINAL_ON_OFF if on_off else NOMINAL_PRESSURE
     conditions = replace(nominal, **FIELD.get(condition, {}))
     patterns = [extracted(field_frame(rng, kinds[k % len(kinds)], area, conditions), conditions)
@@ -85,7 +85,7 @@ def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, 
 
 
 def extracted(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
-    """Return the pattern that the library finds without options, or at a fixed threshold if the threshold drifts."""
+    """Return the pattern found with default settings, or with a fixed threshold if the threshold is shifted."""
     if conditions.on_off:
         return PatternExtractor(PressThresholds(0.5, 0.4)).extract(frame)
     drift = conditions.threshold / Conditions.threshold
@@ -95,7 +95,8 @@ def extracted(frame: np.ndarray, conditions: Conditions) -> ContactPattern:
 
 
 def patches(patterns: list[ContactPattern], labels: np.ndarray, largest: bool = False) -> Samples:
-    """Return the samples for the anchors: torn pieces are joined, or only the largest contact if ``largest``."""
+    """Return the samples for the anchors, with torn pieces joined or, if ``largest``, from the largest contact alone.
+    """
     made = []
     for pattern in patterns:
         mask = pattern.mask if largest else joined(pattern)
@@ -126,7 +127,7 @@ def field_cases(areas, count: int, purpose=Purpose.EVALUATION) -> Iterator[Case]
 
 
 def mechanics_cases(count: int, purpose: Purpose) -> Iterator[Case]:
-    """Yield cases of computed contacts, with the patterns that the library finds without options."""
+    """Yield cases of computed contacts, with patterns that the library finds with default settings."""
     rounds = ROUND if purpose is Purpose.EVALUATION else DEVELOPMENT
     for number, (name, draw) in enumerate(mechanics.ROWS.items()):
         for area in PUNCH_AREAS:
@@ -137,22 +138,25 @@ def mechanics_cases(count: int, purpose: Purpose) -> Iterator[Case]:
 
 
 def seeded(seed: int, purpose: Purpose) -> np.random.Generator:
-    """Return the random generator of one case of this report."""
+    """Return the random generator for one case in this round of reports."""
     return generator(purpose, seed + 1_000_000 * ROUND)
 
 
 def recorded(name: str) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the stamps [s] and on/off frames of a recording of the real 64x64 array, a CAN log or events as text."""
+    """Return the stamps [s] and the on/off frames of a recording from the real 64x64 array.
+
+    The recording is a CAN log or a text file of events.
+    """
     events = DATA / f'{name}.txt.gz'
     return _events(events) if events.exists() else _log(DATA / f'{name}.log.gz')
 
 
 def _events(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Read lines "stamp row column pressed". Stamps are those of polls [ms] at the array's usual rate of 16 Hz."""
+    """Read lines "stamp row column pressed". The stamps [ms] assume the array's usual polling rate of 16 Hz."""
     events = np.loadtxt(path, int)
     stamps, polls = np.unique(events[:, 0], return_inverse=True)
     frames = np.zeros((len(stamps), 64, 64))
-    for poll, (_, row, col, pressed) in zip(polls, events):  # pressed from this poll on
+    for poll, (_, row, col, pressed) in zip(polls, events):  # the state of the taxel holds from this poll on
         frames[poll:, row, col] = pressed
     return stamps * 1e-3, list(frames)
 
@@ -170,9 +174,9 @@ def _log(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
 
 
 def frame_labels(recording: str) -> np.ndarray:
-    """Return the label of each frame of ``recording`` (a name without suffix), given by hand, str (frames,).
+    """Return the manual label of each frame in ``recording`` (a name without suffix) as an array of str.
 
-    Raises ValueError if the ranges omit a frame or overlap, or if a label is not in FRAME_LABELS.
+    The function raises ValueError if ranges of frames overlap or leave gaps, or if a label is not in FRAME_LABELS.
     """
     lines = (BY_HAND / f'{recording}.csv').read_text(encoding='utf-8').splitlines()
     found: list[str] = []

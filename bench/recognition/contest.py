@@ -30,7 +30,7 @@ class Anchor(Protocol):
 
 
 class Result(NamedTuple):
-    """The probabilities that each contestant gives for a case, by name: (K, 5 or more), the five classes first."""
+    """The probabilities from each contestant for a case, (K, 5 or more), beginning with the five classes."""
 
     case: Case
     answers: dict[str, np.ndarray]
@@ -44,7 +44,7 @@ class Result(NamedTuple):
 
 
 class Contest:
-    """Our method and the anchors. ``anchors`` has [CNN, trees] for on/off frames (True) and for pressures (False)."""
+    """Our method and the anchors. ``anchors`` maps True (on/off frames) and False (pressures) to [CNN, trees]."""
 
     def __init__(self, ours: Recogniser, anchors: dict[bool, list[Anchor]]):
         self.ours, self.anchors = ours, anchors
@@ -56,10 +56,10 @@ class Contest:
         return Result(case, answers)
 
     def times(self, case: Case, repeat: int) -> dict[str, float]:
-        """Return the median time of a single frame [s], with one contestant at a time, as on a robot.
+        """Return the median time per frame [s] of each contestant, measured one contestant at a time, as on a robot.
 
-        The time of our method begins with the contact pattern. The time of the anchors begins with a finished patch, so
-        the time to make the patch is not included.
+        The time of our method starts from the contact pattern. The time of the anchors starts from a finished patch and
+        does not include the time to make the patch.
         """
         chosen = np.arange(repeat) % len(case.patterns)
         singles = [_single(case.samples, k) for k in chosen]
@@ -70,13 +70,13 @@ class Contest:
 
 
 def answers_of(recogniser: Recogniser, patterns: Iterable[ContactPattern]) -> np.ndarray:
-    """Return the probabilities in ORDER, (K, 7)."""
+    """Return the probabilities in the order of ORDER, as a (K, 7) array."""
     found = [recogniser.recognise(pattern).probabilities for pattern in patterns]
     return np.array([[probabilities[shape] for shape in ORDER] for probabilities in found])
 
 
 def streamed(recogniser: Recogniser, stamps: np.ndarray, frames: Iterable[np.ndarray]) -> np.ndarray:
-    """Return the shapes that the nodes report for successive on/off frames, as probabilities of 0 and 1, (K, 7)."""
+    """Return the shapes that the nodes report for successive on/off frames, as a (K, 7) array of zeros and ones."""
     stream = ContactStream(recogniser, unit='1')
     said = [stream.update(frame, stamp).fused.recognition.shape for stamp, frame in zip(stamps, frames)]
     return np.eye(len(ORDER))[[ORDER.index(shape) for shape in said]]
@@ -89,13 +89,13 @@ def calibration(results: list[Result], name: str) -> float:
 
 
 def foreign_score(result: Result, name: str) -> np.ndarray:
-    """Return a score of each pattern, (K,), which is high if the contestant does not take it for a known shape."""
+    """Return a score for each pattern, which is high if the contestant doubts that the pattern is a known shape."""
     answers = result.answers[name]
     return answers[:, UNKNOWN] + answers[:, UNKNOWN + 1:].sum(1) if name == OURS else 1 - answers.max(1)
 
 
 def rejection_at_loss(known: list[Result], outliers: list[Result], name: str, loss: float = 0.02) -> Rate:
-    """Return the rate of ``outliers`` above the score that a fraction ``loss`` of ``known`` exceeds."""
+    """Return the rate of ``outliers`` rejected at the score limit that also rejects a share ``loss`` of ``known``."""
     limit = np.quantile(np.concatenate([foreign_score(result, name) for result in known]), 1 - loss)
     scores = np.concatenate([foreign_score(result, name) for result in outliers])
     return Rate(int((scores > limit).sum()), len(scores))
@@ -108,7 +108,7 @@ def _time(function: Callable, argument: object) -> float:
 
 
 def _single(samples: Samples, k: int) -> 'Single':
-    import torch  # only the anchors need it
+    import torch  # only the anchors need torch
 
     from bench.recognition.anchors import Single
     image = torch.as_tensor(samples.inputs([k])[0])

@@ -1,4 +1,4 @@
-"""Cases and tables of foreign figures, which must be UNKNOWN, and of known shapes with and without a blemish."""
+"""Cases and tables of foreign figures, which must be UNKNOWN, and of known shapes with or without a blemish."""
 
 from collections.abc import Callable, Iterator
 
@@ -22,9 +22,9 @@ from training.shapes import Figure
 FOREIGN_AREAS = (12, 20, 40, 50, 100, 200)
 BLEMISH_AREAS = (40, 100, 200)
 REJECTED = 0.98      #: Required share of foreign contacts that are UNKNOWN.
-FROM_AREA = 40       #: Size from which on this is required [taxels].
+FROM_AREA = 40       #: Area from which REJECTED is required [taxels].
 RECOGNISED = 0.9     #: Required share of blemished shapes that are recognised.
-BLEMISHED_FROM = 100  #: Size from which on this is required [taxels].
+BLEMISHED_FROM = 100  #: Area from which RECOGNISED is required [taxels].
 LABEL = {shape.value: k for k, shape in enumerate(OUTPUTS)}
 UNKNOWN = OUTPUTS.index(Shape.UNKNOWN)
 SEEDS = {'foreign': 400_000, 'blemish': 600_000, 'whole': 700_000}
@@ -32,7 +32,7 @@ SEEDS = {'foreign': 400_000, 'blemish': 600_000, 'whole': 700_000}
 
 def pressed_case(rng: np.random.Generator, name: str, stamps: list[Stamp], labels: list[int], *, on_off: bool,
                  area: float, count: int) -> Case:
-    """Press ``stamps`` in turn, ``count`` times. The library finds the contacts."""
+    """Press the ``stamps`` in turn, ``count`` times in total, and let the library find the contacts."""
     chosen = np.arange(count) % len(stamps)
     patterns = [find_contact(pressed(stamps[k], rng, area, on_off), unit=None) for k in chosen]
     return Case(name, on_off, area, patterns, patches(patterns, np.array(labels)[chosen]))
@@ -47,9 +47,9 @@ def _cases(name: str, seed: int, stamps: list[Stamp], labels: list[int], areas: 
 
 
 def foreign_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
-    """Yield ``figures`` figures of each family, pressed ``count`` times for each size and kind of frame.
+    """Yield cases with ``figures`` figures of each family, pressed ``count`` times for each size and kind of frame.
 
-    Validation draws other families, because no choice may depend on the families of the report.
+    Validation uses other families, because no choice may depend on the reported families.
     """
     families = _validated(HELD_OUT) if purpose is Purpose.VALIDATION else foreign.FAMILIES
     for number, (family, drawing) in enumerate(families.items()):
@@ -59,9 +59,9 @@ def foreign_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
 
 
 def blemish_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
-    """Yield ``figures`` figures of each kind and shape, pressed ``count`` times for each size and kind of frame.
+    """Yield cases with ``figures`` figures per blemish and shape, pressed ``count`` times per size and kind of frame.
 
-    Validation uses the kinds of blemish of the training, because no choice may depend on the kinds of the report.
+    Validation uses the blemishes of the training, because no choice may depend on the reported blemishes.
     """
     validated = _validated(BLEMISHES) if purpose is Purpose.VALIDATION else {}
     for number, kind in enumerate(validated or blemish.BLEMISHES):
@@ -74,7 +74,7 @@ def blemish_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
 
 
 def whole_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
-    """Yield cases of known shapes without a blemish, pressed in the same way."""
+    """Yield cases of known shapes without a blemish, pressed like the foreign figures."""
     rng = seeded(SEEDS['whole'], purpose)
     stamps = [stamp for _ in range(figures) for stamp in map(lambda shape: blemish.whole(rng, shape), CLASSES)]
     labels = [LABEL[stamp.shape] for stamp in stamps]
@@ -82,13 +82,13 @@ def whole_cases(figures: int, count: int, purpose: Purpose) -> Iterator[Case]:
 
 
 def _validated(figures: dict[str, Figure]) -> dict[str, Drawing]:
-    """Return the figures of the training, in the same square as there."""
+    """Return the training's figures, scaled to the square of this module."""
     return {name: lambda rng, x, y, figure=figure: figure(rng, EXTENT * x, EXTENT * y)
             for name, figure in figures.items()}
 
 
 def foreign_table(known: list[Result], results: list[Result]) -> Table:
-    """Return the table of foreign figures, as shipped and with limits that lose 2 % of validation patterns."""
+    """Return the table of foreign figures, for the default settings and for limits that lose 2 % of known patterns."""
     table = Table('Foreign shapes', f'best overlap with any of the five below {foreign.FOREIGN}; share called unknown '
                   '[%] by ours as shipped, and by each contestant at a limit that loses 2 % of the known validation '
                   'patterns of the same size and kind of frame; for the anchors, the limit applies to the highest '
@@ -120,7 +120,7 @@ def blemish_table(results: list[Result]) -> Table:
 
 
 def whole_table(results: list[Result]) -> Table:
-    """Return the table of shapes without a blemish, which shows what the limit for unknown costs."""
+    """Return the table of shapes without a blemish, which shows the share that the limit for unknown rejects."""
     table = Table('The same shapes without a blemish', 'pressed in the same way: share recognised, and share called '
                   'unknown by ours [%]', ['frames', 'area', 'patterns', *results[0].answers, 'ours unknown, %'])
     for result in results:

@@ -1,4 +1,4 @@
-"""Rates with intervals, the calibration error, and a test of two rates."""
+"""Compute rates with intervals, the calibration error, and a test of two rates."""
 
 import numpy as np
 from scipy.stats import norm
@@ -7,7 +7,7 @@ from tactile_node.learning import teach
 
 
 class Rate(teach.Rate):
-    """A rate as the tables of recognition show it: in per cent, without the sign."""
+    """A rate that the recognition tables show in per cent, without the sign."""
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -15,12 +15,12 @@ class Rate(teach.Rate):
 
 
 def rate_of(right: np.ndarray) -> teach.Rate:
-    """Return the rate of True in ``right``, bool (n,)."""
+    """Return the rate of True values in the array ``right``."""
     return teach.Rate(int(np.count_nonzero(right)), len(right))
 
 
 def calibration_error(confidence: np.ndarray, right: np.ndarray, bins: int = 15) -> float:
-    """Return the expected calibration error: the mean distance of confidence and rate over ``bins`` of equal width."""
+    """Return the expected calibration error, which is the mean gap between confidence and rate in equal ``bins``."""
     which = np.minimum((confidence * bins).astype(int), bins - 1)
     gaps = [abs(confidence[which == b].mean() - right[which == b].mean()) * (which == b).sum()
             for b in range(bins) if (which == b).any()]
@@ -28,17 +28,17 @@ def calibration_error(confidence: np.ndarray, right: np.ndarray, bins: int = 15)
 
 
 def p_value_behind(ours: np.ndarray, other: np.ndarray, margin: float) -> float:
-    """Return the p-value of the hypothesis that ``ours`` is worse than ``other`` by at most ``margin``.
+    """Return the p-value of the hypothesis that ``ours`` is at most ``margin`` worse than ``other``.
 
-    A small p-value shows that ``ours`` is worse by more than ``margin``. The test is the score test for paired
-    proportions by T. Tango, Statistics in Medicine 17, 891 (1998).
+    A small p-value shows that ``ours`` is worse by more than ``margin``. The function applies the score test for paired
+    proportions from Tango, Statistics in Medicine 17, 891 (1998).
 
     Parameters
     ----------
     ours, other : np.ndarray
-        True for right answers to the same patterns, bool (n,).
+        Arrays of bool, True for each right answer, over the same patterns.
     margin : float
-        Difference of the rates that is allowed.
+        Allowed difference of the rates.
 
     Examples
     --------
@@ -48,6 +48,7 @@ def p_value_behind(ours: np.ndarray, other: np.ndarray, margin: float) -> float:
     """
     n, won, lost = len(ours), int((ours & ~other).sum()), int((~ours & other).sum())
     a, b = 2 * n, -(won + lost) - (2 * n - won + lost) * margin
-    share = (np.sqrt(b * b - 4 * a * lost * margin * (1 + margin)) - b) / (2 * a)  # share of lost patterns at the limit
+    # share of lost patterns if the difference equals the margin
+    share = (np.sqrt(b * b - 4 * a * lost * margin * (1 + margin)) - b) / (2 * a)
     variance = n * (2 * share - margin * (1 + margin))
     return float(norm.cdf((won - lost + n * margin) / np.sqrt(variance)))

@@ -1,7 +1,9 @@
-"""Foreign contacts, for the report of how often they are rejected. The training imports nothing from here.
+"""Draw foreign contacts, to report how often the recogniser rejects them.
 
-A contact is foreign if its best overlap with any of the five shapes is below FOREIGN. Enclosed holes are filled first,
-because a ring is a circle that presses only with its rim.
+The training must not import this module.
+
+A contact is foreign if its best overlap with any of the five shapes is below FOREIGN. The overlap is computed with
+enclosed holes filled, because a ring counts as a circle that presses only with its rim.
 """
 
 import numpy as np
@@ -11,10 +13,10 @@ from matplotlib.textpath import TextPath
 
 from bench.recognition.stamp import Drawing, Stamp, drawn
 
-FOREIGN = 0.85  #: Intersection over union; a figure above this limit may be taken for the shape.
+FOREIGN = 0.85  #: Limit of the intersection over union. A figure above this limit may be taken for the shape.
 FONTS = ('DejaVu Sans', 'DejaVu Serif', 'DejaVu Sans Mono', 'STIXGeneral')
 LETTERS = 'ABCEFGHKLMNPQRSTUVWXYZ2345679&?'
-REACH = 0.9     #: Distance that a figure reaches in its square.
+REACH = 0.9     #: Distance from the centre that a figure reaches in its square.
 
 
 def bank(rng: np.random.Generator, family: str, drawing: Drawing, count: int) -> list[Stamp]:
@@ -36,7 +38,7 @@ def _box(x: np.ndarray, y: np.ndarray, low: tuple[float, float], high: tuple[flo
 
 
 def _within(path: Path, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the points inside an odd number of the polygons of ``path``, scaled to reach the edge of the square."""
+    """Return True for points inside an odd number of polygons in ``path``, which is scaled to fill the square."""
     low, high = path.get_extents().get_points()
     points = np.column_stack((x.reshape(-1), y.reshape(-1))) * ((high - low).max() / 2 / REACH) + (low + high) / 2
     inside = np.zeros(x.size, bool)
@@ -65,7 +67,7 @@ def text(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def gear(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a gear with four to nine teeth, 0.25 to 0.5 radii long, with any slope, with or without a bore."""
+    """Draw a gear with four to nine teeth of any slope, 0.25 to 0.5 radii long, and with or without a bore."""
     teeth, depth, flank = rng.integers(4, 10), rng.uniform(0.25, 0.5), rng.uniform(1.2, 6)
     wave = np.clip(flank * np.cos(teeth * np.arctan2(y, x)) + rng.uniform(-0.4, 0.4), -1, 1)
     distance = np.hypot(x, y)
@@ -74,13 +76,13 @@ def gear(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def crescent(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a disc minus another disc, which is 0.7 to 0.95 times as large and displaced by 0.4 to 0.6 radii."""
+    """Draw a disc minus a second disc, whose radius is 0.7 to 0.95 and whose centre is 0.4 to 0.6 radii away."""
     moved, radius = REACH * rng.uniform(0.4, 0.6), REACH * rng.uniform(0.7, 0.95)
     return _disc(x, y, (0, 0), REACH) & ~_disc(x, y, (moved, 0), radius)
 
 
 def blob(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a blob: radius 1 plus harmonics 2 to 6 with random phases and an RMS amplitude of 0.2 to 0.3."""
+    """Draw a blob with a radius of 1 plus harmonics 2 to 6, with random phases and an RMS amplitude of 0.2 to 0.3."""
     order = np.arange(2, 7)
     weight = rng.standard_normal(len(order)) / np.sqrt(order)
     weight *= rng.uniform(0.2, 0.3) * np.sqrt(2 / (weight ** 2).sum())
@@ -90,7 +92,7 @@ def blob(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def cloud(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a cloud with lobes, bays and holes: the area in which a sum of waves under a bell exceeds a level."""
+    """Draw a cloud with lobes, bays and holes, where a sum of waves under a Gaussian bell exceeds a level."""
     angle, phase = rng.uniform(0, 2 * np.pi, (2, 14))
     number = rng.uniform(2, 7, 14)
     waves = np.cos(number * (x[..., None] * np.cos(angle) + y[..., None] * np.sin(angle)) + phase).sum(-1)
@@ -98,7 +100,7 @@ def cloud(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def pair(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw two known shapes that touch, each a disc, square, rectangle or triangle, one 0.4 to 1 times as large."""
+    """Draw two touching known shapes, each a disc, square, rectangle or triangle, with an area ratio of 0.4 to 1."""
     angle, size = rng.uniform(0, 2 * np.pi), rng.uniform(0.4, 1.0)
     gap = 0.29 * (1 + np.sqrt(size)) * rng.uniform(0.8, 1.3)
     where = gap * np.array((np.cos(angle), np.sin(angle))) / 2
@@ -106,7 +108,7 @@ def pair(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _known(rng: np.random.Generator, x: np.ndarray, y: np.ndarray, size: float) -> np.ndarray:
-    """Draw one of the five shapes at the origin, with about the area of a disc of radius ``size``."""
+    """Draw a disc, square, rectangle or triangle at the origin, with about the area of a disc of radius ``size``."""
     angle, kind, ratio = rng.uniform(0, 2 * np.pi), rng.integers(4), rng.uniform(1.5, 2.5)
     u, v = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
     if kind == 0:
@@ -120,7 +122,7 @@ def _known(rng: np.random.Generator, x: np.ndarray, y: np.ndarray, size: float) 
 
 
 def hook(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a hook: a part of a ring from 180 to 270 degrees, with a straight shank at one end."""
+    """Draw a hook, which is 150 to 270 degrees of a ring with a straight shank at one end."""
     width, span, shank = rng.uniform(0.14, 0.3), np.radians(rng.uniform(150, 270)), rng.uniform(0.1, 0.8)
     radius = 0.42
     x, y = x + 0.25, y - 0.25
@@ -130,7 +132,7 @@ def hook(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def arc(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a part of a ring of 100 to 260 degrees, 0.2 to 0.45 radii wide, with round ends."""
+    """Draw 100 to 260 degrees of a ring, 0.2 to 0.45 radii wide and with round ends."""
     radius, half = 0.65, np.radians(rng.uniform(100, 260)) / 2
     thick = radius * rng.uniform(0.2, 0.45) / 2
     ends = [(radius * np.cos(angle), radius * np.sin(angle)) for angle in (-half, half)]
@@ -139,14 +141,14 @@ def arc(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def letter_l(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw an L. Its arms are 0.3 to 0.45 times as wide as the longer arm is long; the other has at least 0.7 of it."""
+    """Draw an L whose arms have a length ratio of 0.7 to 1 and a width of 0.3 to 0.45 times the longer arm."""
     width, short = rng.uniform(0.3, 0.45), rng.uniform(0.7, 1.0)
     u, v = x + 0.5, y + 0.5
     return _box(u, v, (0, 0), (1, width)) | _box(u, v, (0, 0), (width, short))
 
 
 def cross(rng: np.random.Generator, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Draw a cross of two equal bars, 0.25 to 0.4 times as wide as long."""
+    """Draw a cross of two equal bars whose width is 0.25 to 0.4 times their length."""
     half = REACH * rng.uniform(0.25, 0.4)
     return _box(x, y, (-REACH, -half), (REACH, half)) | _box(x, y, (-half, -REACH), (half, REACH))
 

@@ -1,9 +1,9 @@
 """Contacts computed by contact mechanics for the report.
 
-No training has seen these indenters, parameters and seeds.
+The training never uses these indenters, parameters and seeds.
 
-Lengths are in pitches and pressures in fractions of full scale. Each frame has its own solved indenter, on a finer grid
-than in the training.
+Lengths are in pitches and pressures in fractions of full scale. A separate indenter is solved for each frame, on a
+finer grid than in the training.
 """
 
 from collections.abc import Callable
@@ -19,34 +19,35 @@ from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution, solve
 from training.ground_truth.seeds import Purpose, generator
 
-SEEDS = 50_000_000  #: First seed of this report, above the seeds of the other cases.
-CELLS = 64          #: Number of cells in the square root of the nominal contact area.
-SIDES = (16, 24, 32, 48, 64)  #: Rows and columns of the pads.
-#: Largest ratio of squared diameter to area of any class, that of a right triangle whose legs have a ratio of 2.5.
+SEEDS = 50_000_000  #: First seed of computed contacts, above the seeds of all other cases.
+CELLS = 64          #: Number of grid cells per square root of the nominal contact area.
+SIDES = (16, 24, 32, 48, 64)  #: Side lengths of the square pads [taxels].
+
+#: Largest ratio of squared diameter to area in any class. A right triangle with legs of 2.5:1 has this ratio.
 LONGEST = 5.8
 ROOM = 2.0          #: Margin around the contact [pitches].
 
-COMPRESSION = (0.01, 0.1)  #: Mean pressure divided by contact modulus, log-uniform.
-ROUNDING = (0.05, 0.25)    #: Rounding of a punch's edges [fraction of the inscribed radius].
+COMPRESSION = (0.01, 0.1)  #: Range of the log-uniform mean pressure, divided by the contact modulus.
+ROUNDING = (0.05, 0.25)    #: Range of the edge rounding of a punch [fraction of the inscribed radius].
 TILT = (0.0, 0.4)
-DEPTH = (0.2, 1.2)         #: Depth of the taxels [pitches].
-PRESSURE = (0.05, 0.8)     #: Mean pressure over the contact [fraction of full scale].
+DEPTH = (0.2, 1.2)         #: Range of the depth of the taxels [pitches].
+PRESSURE = (0.05, 0.8)     #: Range of the mean pressure over the contact [fraction of full scale].
 NOISE, DEAD = 0.01, 0.03
 
 
-#: Returns indenter and tilt for the number of a frame.
+#: Function that returns an indenter and its tilt for the number of a frame.
 Draw = Callable[[np.random.Generator, int], tuple[Indenter, float]]
 
 
 class Case(NamedTuple):
-    """Frames, (K, side, side) [fraction of full scale], NaN for dead taxels, and their labels, indices of OUTPUTS."""
+    """Frames (K, side, side) [fraction of full scale] with NaN for dead taxels, and labels as indices into OUTPUTS."""
 
     frames: np.ndarray
     labels: tuple[int, ...]
 
 
 def side_of(area: float) -> int:
-    """Return the rows and columns of the pad for contacts of ``area`` taxels, the same for all classes."""
+    """Return the side of the square pad for contacts of any class with ``area`` taxels [taxels]."""
     return next(side for side in SIDES if side >= np.sqrt(LONGEST * area) + ROOM)
 
 
@@ -62,29 +63,29 @@ def pressed(draw: Draw, area: float, count: int, seed: int) -> Case:
 
 
 def random_punch(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a flat punch with rounded edges. Successive numbers give the classes in turn."""
+    """Draw a flat punch with rounded edges. Successive values of ``number`` go through the classes in turn."""
     contact = random_contact(rng, CLASSES[number % len(CLASSES)], 1.0)
     upright = replace(contact, x=0.0, y=0.0, angle=0.0)
     return flat_punch(upright, _compression(rng), rng.uniform(*ROUNDING)), rng.uniform(*TILT)
 
 
 def random_ball(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a ball. Its contact is a circle whose pressure falls towards the rim."""
+    """Draw a ball, whose contact is a circle with a pressure that falls towards the rim."""
     return ball(_compression(rng)), 0.0
 
 
 def random_cylinder(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a cylinder on its side, tilted along its axis. Its contact is a rectangle."""
+    """Draw a cylinder on its side, tilted along its axis, whose contact is a rectangle."""
     lying = cylinder(_compression(rng), rng.uniform(1.6, 2.8), rounding=rng.uniform(0.1, 0.5))
     return lying, rng.uniform(*TILT)
 
 
 def random_cone(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a cone with a blunt tip. Its contact is a circle whose pressure has a peak."""
+    """Draw a cone with a blunt tip, whose contact is a circle with a pressure peak in the middle."""
     return cone(_compression(rng), tip=rng.uniform(0.1, 0.5)), 0.0
 
 
-#: Indenters of the rows of the report. Each row uses its own seeds.
+#: Indenters in the rows of the report. Each row uses its own seeds.
 ROWS: dict[str, Draw] = {'flat punches': random_punch, 'balls': random_ball, 'cylinders on their side': random_cylinder,
                          'cones': random_cone}
 
@@ -95,7 +96,8 @@ def _frame(rng: np.random.Generator, area: float, indenter: Indenter, tilt: floa
     depth, pressure, angle = rng.uniform(*DEPTH), rng.uniform(*PRESSURE), rng.uniform(0, 2 * np.pi)
     side = side_of(area)
     around = turned(solution.outline, angle) * np.sqrt(area)
-    middle = (around.min(0) + around.max(0)) / 2  # middle of the box, because a triangle reaches far from its centre
+    # centre the bounding box on the pad, because a triangle reaches far from its centre of area
+    middle = (around.min(0) + around.max(0)) / 2
     x, y = (side - 1) / 2 + rng.uniform(-0.5, 0.5, 2) - middle
     stress = sample(stress_field(solution, area, depth), x, y, angle, side, side)
     label = [shape.value for shape in OUTPUTS].index(solution.label)
@@ -107,7 +109,7 @@ def solved(indenter: Indenter, tilt: float, towards: float) -> Solution:
 
 
 def turned(outline: np.ndarray, angle: float) -> np.ndarray:
-    """Return the points, (n, 2), rotated by ``angle`` from x towards y."""
+    """Rotate the points of ``outline``, (n, 2), by ``angle`` from x towards y."""
     cos, sin = np.cos(angle), np.sin(angle)
     found: np.ndarray = outline @ np.array(((cos, sin), (-sin, cos)))
     return found

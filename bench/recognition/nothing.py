@@ -1,7 +1,7 @@
-"""Measure pads that nothing presses: how often a frame is called a shape, and how long a stream reports a shape.
+"""Measure how often, and for how long, a shape is reported for pads that nothing presses.
 
-Each kind is measured separately, in sequences of FRAMES frames at intervals of PERIOD. The training imports nothing
-from here.
+Each kind of disturbance is measured separately, in sequences of FRAMES frames at intervals of PERIOD. The training must
+not import this module.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,15 +17,15 @@ from tactile_node.shape.recognition import Shape
 
 FRAMES = 50
 PERIOD = 0.02             #: Time between two frames [s].
-SIDES = (16,) * 7 + (8, 32, 64)  #: Rows and columns of the pads, used in turn.
-ENOUGH = 200              #: Number of sequences of a kind, which have 10,000 frames together.
-MOST_CALLED = 0.001       #: Largest share of the frames of a kind that may be called a shape.
-LONGEST = 0.1             #: Longest time for which a shape may stay on the topic [s].
+SIDES = (16,) * 7 + (8, 32, 64)  #: Side lengths of the square pads, used in turn [taxels].
+ENOUGH = 200              #: Number of sequences of each kind, with 10,000 frames in total.
+MOST_CALLED = 0.001       #: Largest allowed share of frames of a kind that are called a shape.
+LONGEST = 0.1             #: Longest allowed time for which a shape stays on the topic [s].
 SHAPES = tuple(shape for shape in Shape if shape not in (Shape.NONE, Shape.UNKNOWN))
 
 
 class Stream(Protocol):
-    """Interface of an object that follows one pad, as the library's ContactStream does."""
+    """Interface of a stream that follows one pad, such as the library's ContactStream."""
 
     def update(self, values: np.ndarray, stamp: float): ...
 
@@ -35,12 +35,12 @@ NewStream = Callable[[], Stream]
 
 
 class Seen(NamedTuple):
-    """Result for one kind."""
+    """Result for one kind of disturbance."""
 
     kind: str
     called: Rate          #: single frames that are called one of the five shapes
     by_shape: dict[Shape, int]
-    longest: float        #: longest time for which a stream reports a shape without a break [s]
+    longest: float        #: longest time for which a stream reports shapes without a break [s]
     streams: Rate         #: sequences in which a stream reports a shape for more than LONGEST
 
     @property
@@ -50,15 +50,15 @@ class Seen(NamedTuple):
 
 def measured(rng: np.random.Generator, kind: str, recognise: Recognise, new_stream: NewStream,
              sequences: int = ENOUGH) -> Seen:
-    """Return the shapes of single frames, and the shapes that a stream reports for each sequence.
+    """Count the shapes reported for single frames, and measure how long a stream reports a shape.
 
-    ``recognise`` returns the shape of a single frame, and ``new_stream`` makes an object that follows a pad. Frames are
+    ``recognise`` returns the shape of a single frame, and ``new_stream`` makes a stream for one pad. The frames are
     bool, or float in fractions of full scale.
     """
     by_shape, frames, times = dict.fromkeys(SHAPES, 0), 0, []
     for idle in drawn(rng, kind, sequences):
         found, reported = _followed(new_stream(), idle)
-        if not idle.begin:  # left-over taxels are known only from earlier frames
+        if not idle.begin:  # single frames cannot show left-over taxels, which are known only from earlier frames
             found = [recognise(frame) for frame in idle.frames]
         frames += len(found)
         for shape in found:
@@ -70,7 +70,7 @@ def measured(rng: np.random.Generator, kind: str, recognise: Recognise, new_stre
 
 
 def library(recogniser: Recogniser) -> tuple[Recognise, NewStream]:
-    """Return the functions with which the library, without options, recognises single frames and follows a pad."""
+    """Return the library's functions that recognise a frame and make a new stream, with default settings."""
     def recognise(frame: np.ndarray) -> Shape:
         return recogniser.recognise(find_contact(frame, unit=None)).shape
 
@@ -94,7 +94,7 @@ def table(found: list[Seen]) -> Table:
 
 
 def drawn(rng: np.random.Generator, kind: str, sequences: int) -> Iterator[Idle]:
-    """Draw sequences of a kind on pads of SIDES in turn, until ``sequences`` times FRAMES frames count."""
+    """Draw sequences of ``kind`` on pads of SIDES in turn, with ``sequences`` times FRAMES idle frames in total."""
     count, number = 0, 0
     while count < sequences * FRAMES:
         idle = IDLE[kind](rng, FRAMES, SIDES[number % len(SIDES)])
@@ -103,7 +103,7 @@ def drawn(rng: np.random.Generator, kind: str, sequences: int) -> Iterator[Idle]
 
 
 def longest_run(reported: np.ndarray) -> int:
-    """Return the length of the longest run of True in ``reported``, (n,).
+    """Return the length of the longest run of True values in ``reported``.
 
     >>> longest_run(np.array([True, False, True, True]))
     2
@@ -113,7 +113,7 @@ def longest_run(reported: np.ndarray) -> int:
 
 
 def _followed(stream: Stream, idle: Idle) -> tuple[list[Shape], np.ndarray]:
-    """Return for each frame in which nothing presses its shape, and True if a shape is on the topic after it."""
+    """Return the shape of each idle frame, and an array that is True if the topic carries a shape after the frame."""
     found = [stream.update(frame, PERIOD * k) for k, frame in enumerate(idle.frames)][idle.begin:]
     return [each.recognition.shape for each in found], np.array([each.fused.recognition.shape in SHAPES
                                                                  for each in found])

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-WIDTH = 118  #: Width of the page's text [columns].
+WIDTH = 118  #: Text width of the page [columns].
 KIND = {True: 'on/off', False: 'pressures'}
 GENERATED = '<!-- Written by {}; not to be edited. -->\n'
 

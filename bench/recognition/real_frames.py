@@ -1,7 +1,9 @@
-"""Read frames of real arrays from copies of their public repositories. Only the labels are stored here.
+"""Read frames of real arrays from local copies of their public repositories.
 
-A label names the largest visible contact. Two raters (vision models) labelled the frames separately, from pictures
-without names. The labels are in bench/recognition/labels/real_arrays.csv.
+This repository stores only the labels of the frames.
+
+A label names the largest visible contact. Two raters (vision models) labelled the frames independently, from pictures
+without names. The file bench/recognition/labels/real_arrays.csv contains the labels.
 """
 
 import bz2
@@ -19,27 +21,30 @@ from PIL import Image
 TEKSCAN = 'Tactile_Images_Dataset.zip'  #: In TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition.
 WEISS = 'python/classification/training_grasp_profiles_thesis'  #: In peter-kiechle/tactile-sensors.
 VITAC = 'Data'        #: In jsheng45/ViTac-Tactile-Sensing.
-VITAC_PAD = (12, 32)  #: Rows and columns of a frame.
-PADS = ((14, 6), (13, 6)) * 3  #: Rows and columns of the Weiss hand's pads, in the order of a frame.
+VITAC_PAD = (12, 32)  #: Number of rows and columns of a frame.
+
+#: Numbers of rows and columns of the Weiss hand's pads, in the order in which a frame contains the pads.
+PADS = ((14, 6), (13, 6)) * 3
 LABELS = Path(__file__).parent / 'labels' / 'real_arrays.csv'
 UNDECIDABLE = 'undecidable'
 
 
 class Labelled(NamedTuple):
-    """One frame by name, with the labels of two raters."""
+    """The name of one frame with the labels from two raters."""
 
     array: str   #: tekscan, weiss or vitac
-    frame: str   #: file in the data; with `#pad` for the Weiss hand, with `#frame` for ViTac
+    frame: str   #: name of the file, with `#pad` appended for the Weiss hand and `#frame` for ViTac
     first: str
     second: str
 
     @property
     def object(self) -> str:
-        return self.frame.split('/')[1 if self.array == 'vitac' else -2]  # for ViTac, the cover
+        # the name of the cover serves as the object for ViTac
+        return self.frame.split('/')[1 if self.array == 'vitac' else -2]
 
     @property
     def label(self) -> str:
-        """Label of both raters, or UNDECIDABLE if they differ."""
+        """The label that both raters gave, or UNDECIDABLE if their labels differ."""
         return self.first if self.first == self.second else UNDECIDABLE
 
 
@@ -49,7 +54,7 @@ def read_labels(path: Path = LABELS) -> list[Labelled]:
 
 
 def read_frames(array: str, data: Path, names: list[str]) -> Iterator[np.ndarray]:
-    """Yield the frames of these names, float (rows, cols) [counts]. Raises FileNotFoundError."""
+    """Yield the frames with these ``names`` as float arrays (rows, cols) [counts]. Raises FileNotFoundError."""
     if array == 'tekscan':
         with zipfile.ZipFile(data / TEKSCAN) as images:
             for name in names:
@@ -64,14 +69,14 @@ def read_frames(array: str, data: Path, names: list[str]) -> Iterator[np.ndarray
 
 
 def peak_frame(path: Path, pad: int) -> np.ndarray:
-    """Return the frame of a `.dsa` recording with the highest sum of a pad's readings, (rows, cols) [counts]."""
+    """Return the frame in a `.dsa` recording with the highest sum of readings on ``pad``, (rows, cols) [counts]."""
     of_pad = read_hand(path)[pad]
     found: np.ndarray = of_pad[of_pad.sum((1, 2)).argmax()]
     return found
 
 
 def read_hand(path: Path) -> list[np.ndarray]:
-    """Return all frames of a `.dsa` recording, (K, rows, cols) for each of PADS [counts]."""
+    """Return all frames in a `.dsa` recording, as one (K, rows, cols) array for each of PADS [counts]."""
     text = bz2.decompress(path.read_bytes()).decode()
     ends = np.cumsum([rows * cols for rows, cols in PADS])
     frames = [frame for frame in map(_unpacked, re.findall(r'<frame_data>\s*([0-9A-Fa-f\s]+?)\s*</frame_data>', text))
@@ -81,7 +86,7 @@ def read_hand(path: Path) -> list[np.ndarray]:
 
 
 def _unpacked(packed: str) -> list[float]:
-    """Return the numbers in a text of big-endian float32 in hex, in which -n stands for n zeros."""
+    """Decode a text of big-endian float32 in hex, in which a value of -n means n zeros."""
     values: list[float] = []
     for value in np.frombuffer(bytes.fromhex(''.join(packed.split())), '>f4').tolist():
         values += [0.0] * round(-value) if value < 0 else [value]

@@ -1,4 +1,7 @@
-"""The sections of the report, each with its tables. Each section can run alone."""
+"""The sections of the report, each with its own tables.
+
+Each section can run alone.
+"""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -17,19 +20,19 @@ NOTHING_SEEDS = 900_000
 
 
 class Amount(NamedTuple):
-    """Amount of data of a run."""
+    """Amounts of data for one run."""
 
-    share: float    #: share of the training samples for the anchors
-    epochs: int     #: epochs of the CNN
-    clean: int      #: patterns of a clean case
+    share: float    #: share of the training samples used for the anchors
+    epochs: int     #: number of epochs for training the CNN
+    clean: int      #: number of patterns in a clean case
     field: int
     mechanics: int
-    pads: int       #: pads of each kind with several contacts
-    figures: int    #: figures of a family of foreign shapes; a quarter of this for each blemished shape
-    pressed: int    #: frames of each family and size
-    sequences: int  #: sequences of each kind in which nothing presses
-    cell: int       #: patterns of each cell of the blind spots
-    repeat: int     #: frames that are timed
+    pads: int       #: number of pads of each kind with several contacts
+    figures: int    #: number of figures per family of foreign shapes, and a quarter of this number per blemished shape
+    pressed: int    #: number of frames for each family and size
+    sequences: int  #: number of idle sequences of each kind
+    cell: int       #: number of patterns in each cell of the blind spots
+    repeat: int     #: number of timed frames
 
 
 FULL = Amount(share=0.3, epochs=4, clean=3000, field=400, mechanics=2000, pads=100, figures=100, pressed=400,
@@ -43,10 +46,10 @@ class Clock(Protocol):
 
 
 class Run(NamedTuple):
-    """Everything that the sections need in one run."""
+    """The contestants and settings that all sections share in one run."""
 
     contest: Contest
-    recogniser: Recogniser   #: the recogniser as shipped
+    recogniser: Recogniser   #: recogniser with default settings
     amount: Amount
     purpose: Purpose
     output: Path
@@ -137,4 +140,4 @@ SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
 WITHOUT_ANCHORS = frozenset({'nothing', 'several'})
 AGAINST_ANCHORS = frozenset({'blind-spots', 'speed'})  #: Sections that only compare our method with the anchors.
 ALONE = frozenset({'speed'})
-LONGEST = 'blind-spots'  #: Section that begins first, so that it does not run alone at the end.
+LONGEST = 'blind-spots'  #: The longest section starts first, so that it does not run alone at the end.

@@ -1,4 +1,4 @@
-"""The section and table about several contacts on one pad. As in the classifier node, each is recognised alone."""
+"""Measure the recognition of several contacts on one pad, each recognised separately as in the classifier node."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,23 +15,23 @@ from training.ground_truth.seeds import Purpose
 
 SEEDS = 950_000
 NUMBERS = (2, 3)       #: Numbers of punches on a pad.
-AREAS = (25, 50, 100)  #: Area of each punch [taxels].
-GAPS = (4.0, 8.0)      #: Distance between punches [pitches].
+AREAS = (25, 50, 100)  #: Areas of each punch [taxels].
+GAPS = (4.0, 8.0)      #: Distances between punches [pitches].
 
 
 class Several(NamedTuple):
-    """Results for the punches of one kind of pad."""
+    """Results for all punches on pads of one kind."""
 
     number: int
     area: int
     gap: float
-    apart: Rate     #: punches with a contact of their own
-    together: Rate  #: punches that are recognised
-    alone: Rate     #: punches that are recognised if nothing else presses the pad
+    apart: Rate     #: punches found as separate contacts
+    together: Rate  #: punches recognised on the shared pad
+    alone: Rate     #: punches recognised alone on the pad
 
 
 def cases(recogniser: Recogniser, pads: int, purpose: Purpose) -> Iterator[Several]:
-    """Yield the results of ``pads`` pads for each number of punches, area and gap."""
+    """Yield the results for each number of punches, area and gap, each measured on ``pads`` pads."""
     for number in NUMBERS:
         for area in AREAS:
             for gap in GAPS:
@@ -53,7 +53,7 @@ def _measured(recogniser: Recogniser, pads: list[Pad], number: int, area: int, g
     apart, together, alone = [], [], []
     for pad in pads:
         pattern = find_contact(pad.together, unit=None)
-        # The contact of a punch is the one to which most of the taxels under the punch belong.
+        # A punch belongs to the contact that contains most of the taxels under the punch.
         counted = [np.bincount(pattern.labels[under], minlength=2)[1:] for under in pad.under]
         contacts = [int(counts.argmax()) + 1 if counts.any() else 0 for counts in counted]
         for contact, label, frame in zip(contacts, pad.labels, pad.alone):

@@ -1,6 +1,6 @@
-"""Cells of the search for blind spots: contacts with exact orientation, place, size, aspect ratio and pressure.
+"""Draw contacts with exact orientation, place, size, aspect ratio and pressure, to search for blind spots.
 
-The training imports nothing from here, and nothing here comes from the training.
+This module and the training must not import each other.
 """
 
 from typing import NamedTuple
@@ -11,16 +11,20 @@ from scipy import ndimage
 from tactile_node.simulator.figures import coverage
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 
-AREAS = 16.0, 200.0    #: Range of the areas, log-uniform, in cells that do not vary the size [taxels].
-#: Nominal conditions, as in training.field.
+AREAS = 16.0, 200.0    #: Range of the log-uniform areas in cells that do not vary the size [taxels].
+
+#: Nominal conditions, the same as in training.field.
 PRESSURE = 0.5
 TILT = 0.2
 BLUR = 0.5
 NOISE = 0.01
 MARGIN = 4             #: Margin around a contact [taxels].
-ANGLES = range(0, 91, 5)                   #: [degrees], plus a random number of quarter turns.
-PLACES = (0.0, 0.25, 0.5)                  #: Distance of the centre of area from a taxel's centre [pitches].
-WIDTHS = (8, 10, 12, 14, 16, 18, 20, 24, 32, 48, 64)  #: Longest side or diameter [taxels].
+
+#: Angles of the contacts, to which a random number of quarter turns is added [degrees].
+ANGLES = range(0, 91, 5)
+#: Offsets of the centre of area from a taxel's centre, along rows and columns [pitches].
+PLACES = (0.0, 0.25, 0.5)
+WIDTHS = (8, 10, 12, 14, 16, 18, 20, 24, 32, 48, 64)  #: Lengths of the longest side or diameter [taxels].
 RATIOS = {'rectangle': (1.5, 1.75, 2.0, 2.5, 3.0), 'right_triangle': (1.5, 2.0, 2.5)}
 APEXES = (40, 50, 60, 75)                  #: Apex angles of isosceles triangles [degrees].
 PRESSURES = (0.05, 0.1, 0.2, 0.4, 0.6, 0.8)
@@ -28,31 +32,31 @@ ANY_ANGLE, FLAT, DIAGONAL = 'any angle', '0 degrees', '45 degrees'
 
 
 class Cell(NamedTuple):
-    """One cell. A parameter that is None or empty is random, as in general position."""
+    """One cell of the search. Parameters that are None or empty are drawn at random."""
 
-    curve: str               #: the parameter that is varied, and the ones that are constant
+    curve: str               #: name of the varied parameter, with the parameters that are held constant
     value: float             #: value of the varied parameter
     label: str               #: label of the value
     on_off: bool
     angle: float | None = None                    #: [degrees]
-    places: tuple[tuple[float, float], ...] = ()  #: places of which one is drawn
+    places: tuple[tuple[float, float], ...] = ()  #: possible places, from which one is drawn
     width: float | None = None
     pressure: float = PRESSURE
-    shape: str = ''          #: '' for the five shapes in turn
+    shape: str = ''          #: an empty string means the five shapes in turn
     ratio: float | None = None
 
     @property
     def words(self) -> str:
-        """Label on one line."""
+        """The label, written on one line."""
         return self.label.replace('\n', ', ')
 
     def kinds(self, count: int) -> list[str]:
-        """Return the shape of each of ``count`` contacts."""
+        """Return the shapes of ``count`` contacts."""
         return [self.shape or CLASSES[k % len(CLASSES)] for k in range(count)]
 
 
 def cells() -> list[Cell]:
-    """Return all cells, curve by curve."""
+    """Return all cells of all curves."""
     found = []
     for on_off in (True, False):
         found += [Cell('orientation [degrees]', angle, f'{angle}', on_off, angle=angle) for angle in ANGLES]
@@ -75,7 +79,7 @@ def cells() -> list[Cell]:
 
 
 def frame(cell: Cell, kind: str, rng: np.random.Generator) -> np.ndarray:
-    """Draw a frame of one contact of ``kind``, bool or float in fractions of full scale."""
+    """Draw a frame with one contact of ``kind``, either bool or float in fractions of full scale."""
     contact, side = contact_in(cell, kind, rng)
     if cell.on_off:
         return contact.pattern(side, side)
@@ -87,7 +91,7 @@ def frame(cell: Cell, kind: str, rng: np.random.Generator) -> np.ndarray:
 
 
 def contact_in(cell: Cell, kind: str, rng: np.random.Generator) -> tuple[Contact, int]:
-    """Draw the contact, and return it with the side of a pad on which it fits."""
+    """Draw a contact, and return the contact with the side of a square pad that is large enough [taxels]."""
     drawn = random_contact(rng, kind, float(np.exp(rng.uniform(*np.log(AREAS)))))
     dimensions = _dimensions(cell, drawn)
     angle = drawn.angle if cell.angle is None else np.radians(cell.angle) + np.pi / 2 * rng.integers(4)
@@ -98,7 +102,7 @@ def contact_in(cell: Cell, kind: str, rng: np.random.Generator) -> tuple[Contact
 
 
 def _dimensions(cell: Cell, drawn: Contact) -> tuple[float, ...]:
-    """Return the dimensions with the ratio and width that the cell prescribes."""
+    """Return the drawn dimensions, scaled to the ratio and width of the cell."""
     lengths, rest = np.array(drawn.dimensions[:2]), drawn.dimensions[2:]
     if cell.ratio is not None:
         lengths = np.sqrt(lengths.prod()) * np.array((cell.ratio ** 0.5, cell.ratio ** -0.5))

@@ -1,6 +1,6 @@
-"""Press a figure of fine cells on a pad in general position; foreign and blemished figures become frames in this way.
+"""Press a figure of fine cells on a pad at a random place, to make frames of foreign and blemished figures.
 
-Nothing here, and nothing in the families of figures that use this module, comes from the training.
+This module and the families of figures that use it contain nothing from the training.
 """
 
 from collections.abc import Callable
@@ -11,29 +11,29 @@ from scipy import ndimage
 
 from training.ground_truth.overlap import ANY, Limits, best_overlap
 
-CELLS = 256        #: Rows and columns of the square of a figure, with x and y from -1 to 1.
-SUBSAMPLES = 6     #: The coverage of a taxel is counted on 6 x 6 points.
+CELLS = 256        #: Number of cells per side of a figure's square, in which x and y go from -1 to 1.
+SUBSAMPLES = 6     #: The coverage of a taxel is counted at 6 x 6 points.
 PRESSURE = 0.1, 0.8  #: Range of the mean pressure [fraction of full scale].
 TILT = 0.3         #: Largest relative rise of the pressure over the contact's mean radius.
 BLUR = 0.5         #: Standard deviation of the elastomer's blur [pitches].
 NOISE = 0.01       #: Standard deviation of the noise [fraction of full scale].
 DEAD = 0.03        #: Share of taxels without a valid value.
 
-#: Draws a figure: returns True for the points (x, y), each (CELLS, CELLS), that belong to the figure.
+#: Function that returns True for the points x, y, each (CELLS, CELLS), inside the drawn figure.
 Drawing = Callable[[np.random.Generator, np.ndarray, np.ndarray], np.ndarray]
 
 
 class Stamp(NamedTuple):
-    """A figure that is pressed on a pad, without a unit of length."""
+    """A figure to press on a pad, without a unit of length."""
 
-    name: str           #: name of its family
+    name: str           #: name of the figure's family
     filled: np.ndarray  #: bool, (rows, cols)
-    shape: str          #: most similar of the five shapes, with enclosed holes filled
-    overlap: float      #: overlap with that shape, as intersection over union
+    shape: str          #: the most similar of the five shapes after enclosed holes are filled
+    overlap: float      #: intersection over union with the most similar shape
 
 
 def drawn(name: str, rng: np.random.Generator, drawing: Drawing, limits: Limits = ANY) -> Stamp:
-    """Draw a figure with any overlap. A figure in pieces, or cut by the edge of the square, is drawn again."""
+    """Draw a figure with any overlap. Draw again while the figure is in pieces or touches the edge of the square."""
     x, y = points()
     while True:
         filled = drawing(rng, x, y)
@@ -43,13 +43,13 @@ def drawn(name: str, rng: np.random.Generator, drawing: Drawing, limits: Limits 
 
 
 def cropped(filled: np.ndarray) -> np.ndarray:
-    """Return the box around the filled cells."""
+    """Return the bounding box of the filled cells."""
     rows, cols = np.flatnonzero(filled.any(1)), np.flatnonzero(filled.any(0))
     return filled[rows[0]:rows[-1] + 1, cols[0]:cols[-1] + 1].copy()
 
 
 def points() -> tuple[np.ndarray, np.ndarray]:
-    """Return x and y of the centres of the cells, each (CELLS, CELLS)."""
+    """Return the x and y coordinates of all cell centres, each (CELLS, CELLS)."""
     place = (np.arange(CELLS) + 0.5) * (2 / CELLS) - 1
     x, y = np.meshgrid(place, place)
     return x, y
@@ -60,10 +60,10 @@ def _on_edge(filled: np.ndarray) -> bool:
 
 
 def pressed(stamp: Stamp, rng: np.random.Generator, area: float, on_off: bool) -> np.ndarray:
-    """Return a frame of ``stamp`` with ``area`` [taxels] in the middle of a pad, at a random angle and sub-taxel place.
+    """Press ``stamp`` with ``area`` [taxels] near the middle of a pad, at a random angle, and return the frame.
 
-    On/off frames are bool: a taxel is on if its centre is inside. Other frames are float in fractions of full scale,
-    with NaN for dead taxels.
+    On/off frames are bool, and a taxel is on if its centre lies inside the figure. Other frames are float in fractions
+    of full scale, with NaN for dead taxels.
     """
     rows, cols = np.nonzero(stamp.filled)
     cell = np.sqrt(area / len(rows))  # [pitches]
@@ -89,7 +89,7 @@ def pressed(stamp: Stamp, rng: np.random.Generator, area: float, on_off: bool) -
 
 
 def _values(rng: np.random.Generator, covered: np.ndarray, arms: np.ndarray, radius: float) -> np.ndarray:
-    """Return pressures of ``covered`` taxels. ``arms`` is their place from the contact's middle, (rows, cols, 2)."""
+    """Return the pressures of ``covered`` taxels, whose distances from the contact's middle are ``arms``."""
     tilt, angle = rng.uniform(0, TILT) / radius, rng.uniform(0, 2 * np.pi)
     rise = 1 + tilt * (arms @ (np.sin(angle), np.cos(angle)))
     values = ndimage.gaussian_filter(covered * np.clip(rng.uniform(*PRESSURE) * rise, 0, 1), BLUR)

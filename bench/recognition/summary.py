@@ -1,7 +1,7 @@
-"""The pages with the results of recognition. Each page shows the most important columns of the recorded tables.
+"""Pages with the results of recognition, which show the main columns of the recorded tables.
 
-bench/bench_recognition.py records its own tables. The tables of bench_hidden.py, bench_real_arrays.py and
-bench_teach.py are copied from their output.
+The script bench_recognition.py records its tables itself. The tables of bench_hidden.py, bench_real_arrays.py and
+bench_teach.py are copied from the output of these scripts.
 """
 
 from bench.recognition.views import Page, Row, View, across, columns, names, of

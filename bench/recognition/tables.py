@@ -1,4 +1,4 @@
-"""The tables of clean frames, field conditions, times and recordings."""
+"""Make the tables of clean frames, field conditions, times and recordings."""
 
 import numpy as np
 
@@ -11,9 +11,11 @@ from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.shape.recognition import Shape
 from training.ground_truth.seeds import Purpose
 
-MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}  #: Allowed share of known contacts called unknown, by area.
-BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: Required rate of recognised flat punches, by area.
-#: Recordings, and the object in each.
+#: Allowed share of known contacts that are called unknown, by area.
+MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}
+BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: Required recognition rate of flat punches, by area.
+
+#: Recordings with the shape of the object in each.
 RECORDED = {'nus_ring_session': Shape.CIRCLE, 'nus_square_moving': Shape.SQUARE}
 
 
@@ -43,7 +45,7 @@ def unknown(result: Result) -> Rate:
 
 
 def lost(clean: list[Result]) -> Table:
-    """Return the table of known contacts that the limit for unknown loses."""
+    """Return the table of known contacts that are lost to the limit for unknown."""
     table = Table('Known contacts lost to unknown', 'clean frames, with the limit as shipped [%]',
                   ['frames', 'area', 'patterns', 'ours unknown, %', 'at most, %', 'required'])
     for result in clean:
@@ -56,7 +58,7 @@ def lost(clean: list[Result]) -> Table:
 
 
 def against_bars(computed: list[Result]) -> Table:
-    """Return the table of flat punches, as the library recognises them without options."""
+    """Return the table of flat punches, recognised by the library with default settings."""
     table = Table('Flat punches', 'computed frames, mean pressure 5 to 80 % of full scale: recognised by ours [%]',
                   ['area', 'frames', 'ours, %', 'at least, %', 'required'])
     for result in computed:
@@ -91,7 +93,7 @@ def probabilities(clean: list[Result]) -> Table:
 
 
 def recordings(contest: Contest, recogniser: Recogniser) -> Table:
-    """Return the table of real touches, labelled by a person. They were never used for training or tuning."""
+    """Return the table of real touches, which a person labelled and which no training or tuning used."""
     table = Table('Real recordings', 'share of each answer [%] in frames with the object and in frames without it, '
                   'where any shape is wrong; labels by hand; single frames, and ours as a stream, too',
                   ['recording', 'labelled', 'frames', 'contestant', *(shape.value for shape in ORDER)])
@@ -104,7 +106,7 @@ def recordings(contest: Contest, recogniser: Recogniser) -> Table:
 
 
 def _recorded_answers(contest: Contest, recogniser: Recogniser, name: str, label: str) -> dict[str, np.ndarray]:
-    """Return the answers of each contestant to the frames with ``label``; empty if no frame has this label."""
+    """Return the answers of each contestant for frames with ``label``, or an empty dict if there are none."""
     chosen = np.flatnonzero(frame_labels(name) == label)
     if not len(chosen):
         return {}

@@ -1,7 +1,8 @@
-"""Pages of results, made from recorded tables. A page shows the most important columns; the CSV files contain all.
+"""Make pages of results from recorded tables, with the main columns of the CSV files.
 
-A table is recorded as a CSV file in a folder next to the page. The heading of the table is its name. A note about the
-table has the same name with the suffix .txt. `about.txt` describes the run in which the tables were recorded.
+Each table is recorded as a CSV file in a folder next to the page. The file is named after the heading of the table. A
+note about the table is a file of the same name with the suffix .txt. The file `about.txt` describes the run that
+recorded the tables.
 """
 
 import csv
@@ -14,38 +15,38 @@ from typing import NamedTuple
 from bench.recognition.page import GENERATED, WIDTH, file_name, markdown_table
 
 Row = dict[str, str]
-#: Makes the cells of a row of the page, by column, from the recorded rows that belong to it.
+#: Function that makes the cells of one page row, by column, from the recorded rows that belong to this row.
 Cells = Callable[[list[Row]], dict[str, str]]
 
 
 class View(NamedTuple):
-    """A table of the page. Recorded rows with equal values in the columns ``down`` become one row."""
+    """A table on the page. Recorded rows with the same values in the columns ``down`` become one row."""
 
     heading: str
-    text: str              #: description; a column name in braces stands for the value in the first row
+    text: str              #: description, in which a column name in braces is replaced by the value in the first row
     source: str            #: heading of the recorded table
     down: tuple[str, ...]  #: columns that identify a row
     cells: Cells
-    shown: Callable[[Row], bool] = lambda row: True  #: True for the recorded rows that are shown
+    shown: Callable[[Row], bool] = lambda row: True  #: function that returns True for each recorded row to show
 
 
 def value(row: Row, column: str) -> str:
-    """Return a rate without its interval, in bold if it misses its requirement, with * if it is below the anchors."""
+    """Return a rate without its interval. Bold marks a rate that misses its requirement, * a rate below the anchors."""
     text = re.split(r' [(\[]', row[column])[0]
     mark = '*' if row.get('ours against the better') == 'BELOW' and column.startswith('ours') else ''
     return f'**{text}**' if row.get('required') == 'NOT MET' and column.startswith('ours') else text + mark
 
 
 def of(*columns: str) -> Callable[[Row], str]:
-    """Return a function that joins the values of ``columns`` of a row.
+    """Return a function that joins the values from ``columns`` of a row.
 
-    Columns that are missing, as in a run without anchors, are left out.
+    The function skips missing columns, such as the columns of the anchors after a run without them.
     """
     return lambda row: ' / '.join(value(row, column) for column in columns if column in row)
 
 
 def across(column: str, show: Callable[[Row], str]) -> Cells:
-    """Return cells with one column of the page for each value of ``column``; texts in the same column are joined."""
+    """Return cells with one page column per value of ``column``, and join the texts that fall into the same column."""
     def cells(rows: list[Row]) -> dict[str, str]:
         found: dict[str, list[str]] = {}
         for row in rows:
@@ -55,17 +56,17 @@ def across(column: str, show: Callable[[Row], str]) -> Cells:
 
 
 def columns(**shown: Callable[[Row], str]) -> Cells:
-    """Return cells with one column for each keyword, shown by the function of this keyword."""
+    """Return cells with one column per keyword, each filled by the function passed for that keyword."""
     return lambda rows: {name.replace('_', ' '): show(rows[0]) for name, show in shown.items()}
 
 
 def names(*shown: str) -> Cells:
-    """Return cells that show recorded columns as they are."""
+    """Return cells that show recorded columns unchanged."""
     return lambda rows: {name: rows[0][name] for name in shown if name in rows[0]}
 
 
 def lines_of(view: View, rows: list[Row]) -> list[str]:
-    """Return the lines of a table, with the rows in the order in which they were recorded."""
+    """Return the Markdown lines of a table, with the rows in the recorded order."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in filter(view.shown, rows):
         groups.setdefault(tuple(row[name] for name in view.down), []).append(row)
@@ -76,22 +77,22 @@ def lines_of(view: View, rows: list[Row]) -> list[str]:
 
 
 class Page(NamedTuple):
-    """A page of results, made from the tables in a folder."""
+    """A page of results, made from the recorded tables in a folder."""
 
     script: str   #: command that writes the page
     file: str     #: name of the page
     tables: str   #: folder of the recorded tables
     title: str
-    reading: str  #: explanation that is valid for all tables of the page
+    reading: str  #: explanation that applies to all tables of the page
     views: Sequence[View]
-    picture: tuple[str, str] = ('', '')  #: file and caption of the picture
+    picture: tuple[str, str] = ('', '')  #: file name and caption of the picture
 
     def write(self, folder: Path, recorded: Collection[str] | None = None) -> None:
-        """Write the page into ``folder``. It shows the tables with headings in ``recorded``, or all if this is None."""
+        """Write the page into ``folder``, with all tables or only with those whose headings are in ``recorded``."""
         (folder / self.file).write_text(self.text(folder, recorded), encoding='utf-8')
 
     def text(self, folder: Path, recorded: Collection[str] | None = None) -> str:
-        """Return the text of the page; the parameters are those of `write`."""
+        """Return the text of the page that `write` writes."""
         tables = folder / self.tables
         text = [GENERATED.format(self.script), f'# {self.title}', '']
         text += [*_note(tables, 'about'), _filled(self.reading), '']

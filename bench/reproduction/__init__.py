@@ -1,1 +1,1 @@
-"""The paper's figures re-drawn and its claims re-measured: see bench/reproduce.py."""
+"""Reproduction of the paper's figures and claims, run by bench/reproduce.py."""

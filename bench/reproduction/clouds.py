@@ -1,4 +1,4 @@
-"""Figures 6 to 8 of the paper with our patterns and curves, and the recognition rate as a function of the size."""
+"""Draw figures 6 to 8 of the paper with our patterns and curves, and the recognition rate against size."""
 
 from collections.abc import Sequence
 
@@ -11,35 +11,39 @@ from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS, Plane
 from training.curve_fitting import Samples
 
-#: Colours by Okabe and Ito, which people with any colour vision can distinguish. The marks differ as well.
+#: Colours from Okabe and Ito, which people with any colour vision can distinguish. The marks differ as well.
 COLOURS = {Shape.RECTANGLE: '#e69f00', Shape.RIGHT_TRIANGLE: '#d55e00', Shape.ISOSCELES_TRIANGLE: '#cc79a7',
            Shape.SQUARE: '#0072b2', Shape.CIRCLE: '#009e73'}
 MARK_OF = {Shape.RECTANGLE: '|', Shape.RIGHT_TRIANGLE: '4', Shape.ISOSCELES_TRIANGLE: '^', Shape.SQUARE: 's',
            Shape.CIRCLE: 'o'}
-SHOWN = 600  #: number of patterns of each class in a cloud
-HIGHEST = 0.97  #: quantile up to which a cloud is shown, because a few patterns lie far above
+SHOWN = 600  #: number of patterns per class in a cloud
+HIGHEST = 0.97  #: the plot ends a little above this quantile, because a few patterns lie far above all others
 LABELS = {('value', 'N'): 'N', ('dif', 'alpha9'): 'dif α9 [degrees]', ('min', 'P05'): 'min P05',
           ('min', 'info_norm5'): 'min I5', ('dif', 'P05'): 'dif P05', ('dif', 'info_norm5'): 'dif I5'}
-#: Colour, mark and line of each method. The published method is the first.
+#: Colour, mark and line style of each method. The first style belongs to the published method.
 STYLES = (('black', 'o', '-'), ('#0072b2', 's', '--'), ('#d55e00', 'D', '-.'), ('#009e73', '^', ':'),
           ('#cc79a7', 'v', (0, (5, 1))), ('#e69f00', 'P', (0, (3, 1, 1, 1, 1, 1))), ('#56b4e9', 'X', (0, (1, 1))))
-BESIDE = 1.012  #: factor between the x of two methods at one size, so that their intervals do not overlap
+#: factor by which the x values of two methods differ at one size, so that their intervals do not overlap
+BESIDE = 1.012
 
 
 def first_plane(samples: Samples, planes: dict[str, Plane], counted: str = 'N') -> Figure:
-    """Fig. 6: two curves separate rectangles, right triangles and all others. ``counted`` is the label of N."""
+    """Draw Fig. 6, in which two curves separate rectangles, right triangles and all other shapes.
+
+    ``counted`` is the axis label of N.
+    """
     figure = _cloud(samples, [planes['rectangle'], planes['right_triangle']], ANSWERS)
     figure.axes[0].set_xlabel(counted)
     return figure
 
 
 def second_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
-    """Fig. 7: isosceles triangles above, circles and squares below."""
+    """Draw Fig. 7, with isosceles triangles above the curve and with circles and squares below."""
     return _cloud(samples, [planes['isosceles_triangle']], ANSWERS[2:])
 
 
 def third_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
-    """Fig. 8: squares above, circles below."""
+    """Draw Fig. 8, with squares above the curve and circles below."""
     return _cloud(samples, [planes['square']], ANSWERS[3:])
 
 
@@ -47,7 +51,7 @@ def _cloud(samples: Samples, curves: list[Plane], shapes: Sequence[Shape]) -> Fi
     figure = Figure(figsize=(6.4, 4.3), layout='constrained')
     horizontal, vertical = curves[0].horizontal, curves[0].vertical
     axes = figure.add_subplot(xlabel=LABELS[horizontal], ylabel=LABELS[vertical])
-    jitter = np.random.default_rng(0)  # spread the points, because equal counts would hide each other
+    jitter = np.random.default_rng(0)  # points with equal counts would otherwise hide each other
     for shape in shapes:
         chosen = np.flatnonzero(samples.labels == ANSWERS.index(shape))[:SHOWN]
         x = samples.of(horizontal)[chosen] + jitter.uniform(-0.35, 0.35, len(chosen))

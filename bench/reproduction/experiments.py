@@ -1,4 +1,4 @@
-"""Measure the method of the paper as published, and the reasons why it does not reach the published rates here."""
+"""Measure the published method of the paper, and the reasons why its published rates are not reached here."""
 
 from typing import NamedTuple
 
@@ -25,31 +25,32 @@ from tactile_node.shape.volf import ANSWERS, VolfClassifier
 from training.curve_fitting import AREAS, READINGS, Samples, answers, fit_classifier
 from training.ground_truth.seeds import Purpose, generator
 
-VANISHING = 25  #: area at which the loss of taxels by angle is measured [taxels]
+VANISHING = 25  #: pattern area at which the loss of taxels by angle is measured [taxels]
 WORLDS_BY_AREA = tuple(world for world in WORLDS if world != INSIDE_WORLD)
-FEWER = 3  #: factor by which the other worlds have fewer patterns than the benchmark
+FEWER = 3  #: each other world has fewer patterns than the benchmark by this factor
 
 
 class Results(NamedTuple):
-    """All results that the page shows."""
+    """All results shown on the page."""
 
-    methods: list[Method]                   #: the method as published is the first
-    confusions: dict[int, np.ndarray]       #: confusion of the method as published, by size
-    lost: dict[int, dict[int, float]]       #: share of lost patterns, by size and plane
-    readings: dict[str, Rate]               #: rate for each reading of the third plane, validation patterns
-    clouds: Samples                         #: training patterns, for the figures
-    classifier: VolfClassifier              #: the method as published, with the curves of config/
-    long_clouds: Samples                    #: training patterns of the world of long rectangles
+    methods: list[Method]                   #: all methods, beginning with the published method
+    confusions: dict[int, np.ndarray]       #: confusion matrix of the published method, by size
+    lost: dict[int, dict[int, float]]       #: share of patterns that each plane loses, by size and plane
+    readings: dict[str, Rate]               #: rate on validation patterns, for each interpretation of the third plane
+    clouds: Samples                         #: training patterns shown in the figures
+    classifier: VolfClassifier              #: published method with the curves from config/
+    long_clouds: Samples                    #: training patterns from the world of long rectangles
     long_classifier: VolfClassifier
-    long_lost: dict[int, float]             #: lost patterns there by plane, without vanishing angles, largest size
-    vanished: dict[int, float]              #: share of patterns that the vanishing angles change, by size
-    remaining: np.ndarray                   #: share of taxels that each of ANGLES keeps, for VANISHING taxels
+    #: loss by plane for long rectangles at the largest size, without vanishing angles
+    long_lost: dict[int, float]
+    vanished: dict[int, float]              #: share of patterns changed by the vanishing angles, by size
+    remaining: np.ndarray                   #: share of taxels kept at each of ANGLES, for patterns of VANISHING taxels
     neighbours: int
     inside: InsideReading
 
 
 def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int, jobs: int) -> Results:
-    """Run all experiments with ``patterns`` patterns of the benchmark at each size."""
+    """Run all experiments, with ``patterns`` benchmark patterns at each size."""
     drawn = draw(_wanted(patterns, training) | wanted_inside(patterns, training), seed, jobs)
     every = {size: drawn[f'benchmark {size}'].every for size in SIZES}
     answered = {size: answers(classifier.planes, samples) for size, samples in every.items()}
@@ -91,7 +92,7 @@ def _wanted(patterns: int, training: int) -> dict[str, Wanted]:
 
 
 def _refitted(drawn: dict[str, Drawn], world: str, kept: bool) -> tuple[Method, VolfClassifier]:
-    """Fit the curves for ``world``, with the reading of the third plane that is better in training."""
+    """Fit the curves for ``world``, using the interpretation of the third plane that is better in training."""
     name = f'three planes, {world}' + (', vanishing angles left out' if kept else '')
     print('fitting curves:', name, flush=True)
     best = best_fit(drawn[f'{world} training'][kept])
@@ -109,13 +110,13 @@ def _readings(drawn: dict[str, Drawn]) -> dict[str, Rate]:
 
 
 def _vanished(drawn: Drawn) -> float:
-    """Return the share of patterns in which a feature changes if the vanishing angles are left out."""
+    """Return the share of patterns in which some feature changes when the vanishing angles are excluded."""
     changed = [drawn.every.of(name) != drawn.kept.of(name) for name in drawn.every.columns]
     return float(np.mean(np.any(changed, axis=0)))
 
 
 def _remaining(seed: int) -> np.ndarray:
-    """Return the mean share of taxels that a pattern keeps at each of ANGLES, shape (46,)."""
+    """Return the mean share of taxels that a pattern keeps at each of the 46 ANGLES."""
     rng = generator(Purpose.VALIDATION, seed)
     masks = [draw_pattern('benchmark', rng, shape.value, VANISHING) for _ in range(20) for shape in ANSWERS]
     return np.mean([features_at_angles(mask, Group.NONE)['N'] / mask.sum() for mask in masks], axis=0)

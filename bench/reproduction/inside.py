@@ -1,9 +1,9 @@
-"""Another reading of the paper: N counts only the inside taxels, and the isosceles triangles are equilateral.
+"""Measure another interpretation of the paper: N counts only inside taxels, and isosceles triangles are equilateral.
 
-Section 7 uses two definitions of N: the number of sensors "inside", and the number of active sensors in the area. It
-also uses two names for one class: isosceles and equilateral triangles. Each change is measured alone, and then both
-together. The worlds differ only in this class and share the patterns of the other four classes. Therefore a difference
-of the rates is not caused by different draws.
+Section 7 of the paper uses two definitions of N: the number of sensors "inside", and the number of active sensors in
+the area. Section 7 also uses two names for one class: isosceles and equilateral triangles. This module measures each
+change alone, and then both together. The worlds differ only in the triangles and share the patterns of the other four
+classes, so that different draws cannot cause a difference in the rates.
 """
 
 from typing import NamedTuple
@@ -21,30 +21,30 @@ WORLD = 'equilateral triangles'
 TRIANGLE = Shape.ISOSCELES_TRIANGLE
 LARGEST = SIZES[-1]
 ACTIVE = COLUMNS[0]  #: number of active taxels, which is N in the matrix A
-GROWTH = (0.7, 3.6)  #: bounds of √(area of a pattern) - √(its inside taxels) [pitches]
+GROWTH = (0.7, 3.6)  #: bounds of √(area) - √(inside taxels) of a pattern [pitches]
 
 
 class InsideReading(NamedTuple):
-    """Results of each change, and of both changes together."""
+    """Results of each change alone and of both changes together."""
 
-    equilateral: Method         #: only the triangles are changed
-    read_inside: Method         #: sizes are inside taxels; curves as published
-    inside: Method              #: sizes and plane 1 use inside taxels
+    equilateral: Method         #: triangles changed, N as published
+    read_inside: Method         #: inside taxels as sizes, curves as published
+    inside: Method              #: inside taxels as sizes and in plane 1
     both: Method
     kept: Method                #: both changes, without the vanishing angles
-    active: dict[int, float]    #: mean number of active taxels of patterns with N inside taxels
-    lost: dict[int, float]      #: lost patterns with both changes, by plane, largest size
-    clouds: Samples             #: training patterns with both changes
-    classifier: VolfClassifier  #: classifier with both changes
+    active: dict[int, float]    #: mean number of active taxels in patterns with N inside taxels
+    lost: dict[int, float]      #: loss by plane with both changes, at the largest size
+    clouds: Samples             #: training patterns for both changes
+    classifier: VolfClassifier  #: classifier for both changes
 
     @property
     def methods(self) -> list[Method]:
-        """The methods in the order of the table."""
+        """The methods in the order of the table's rows."""
         return [self.equilateral, self.read_inside, self.inside, self.both, self.kept]
 
 
 def wanted_inside(patterns: int, training: int) -> dict[str, Wanted]:
-    """Return the patterns to draw in addition to the benchmark. ``patterns`` is the number at each size."""
+    """Return the patterns to draw in addition to the benchmark, with ``patterns`` patterns at each size."""
     triangles, training_triangles = _triangles_among(patterns), _triangles_among(training)
     wanted = {'triangles training': Wanted(WORLD, Purpose.TRAINING, training_triangles, AREAS, (TRIANGLE,))}
     for size in SIZES:
@@ -57,7 +57,7 @@ def wanted_inside(patterns: int, training: int) -> dict[str, Wanted]:
 
 
 def measure_inside(drawn: dict[str, Drawn], published: VolfClassifier) -> InsideReading:
-    """Measure this reading. ``published`` contains the curves of the method as published."""
+    """Measure this interpretation of the paper. ``published`` contains the curves of the published method."""
     training = drawn['benchmark training']
     triangles = replaced(training, drawn['triangles training'])
     by_area = {size: replaced(drawn[f'benchmark {size}'], drawn[f'triangles {size}']).every for size in SIZES}
@@ -83,29 +83,30 @@ def measure_inside(drawn: dict[str, Drawn], published: VolfClassifier) -> Inside
 
 
 def areas_around(inside: int) -> tuple[float, float]:
-    """Return the smallest and the largest area [taxels] at which a pattern may have ``inside`` inside taxels.
+    """Return the smallest and the largest area of patterns that may have ``inside`` inside taxels [taxels].
 
-    The border takes 0.7 to 1 pitch from each side, depending on the direction of the side. The square root of the area
-    of a polygon around a circle therefore shrinks by this width times perimeter / (2 √area): by 1.3 for a circle,
-    and by at most 2.8 for a right triangle with legs of 5:2. GROWTH also allows for the position of a pattern on the
-    lattice, which changed the value by up to 0.4 in 60,000 patterns.
+    The border is 0.7 to 1 pitch wide on each side of a pattern, depending on the direction of the side. Without the
+    border, the square root of the area of a polygon around a circle therefore shrinks by the border's width times
+    perimeter / (2 √area). The shrinkage is 1.3 for a circle, and at most 2.8 for a right triangle with legs of 5:2.
+    GROWTH also allows for the position of a pattern on the lattice, which changed the shrinkage by up to 0.4 in 60,000
+    patterns.
     """
     least, most = ((np.sqrt(inside) + growth) ** 2 for growth in GROWTH)
     return float(least), float(most)
 
 
 def by_inside(samples: Samples) -> Samples:
-    """Return ``samples`` with the number of inside taxels as N, which plane 1 then uses."""
+    """Return ``samples`` with the number of inside taxels as N, so that plane 1 uses this number."""
     return Samples({**samples.columns, ACTIVE: samples.of(INSIDE)}, samples.labels)
 
 
 def replaced(drawn: Drawn, triangles: Drawn) -> Drawn:
-    """Return ``drawn`` with its isosceles triangles replaced by ``triangles``."""
+    """Return ``drawn`` with all isosceles triangles replaced by ``triangles``."""
     return Drawn(*(_joined(old, new) for old, new in zip(drawn, triangles)))
 
 
 def _triangles_among(patterns: int) -> int:
-    """Return the number of isosceles triangles among ``patterns`` patterns whose classes take turns."""
+    """Return the number of isosceles triangles in ``patterns`` patterns that go through the classes in turn."""
     return len(range(ANSWERS.index(TRIANGLE), patterns, len(ANSWERS)))
 
 

@@ -1,4 +1,4 @@
-"""The matrix A, the border taxels and the features at each angle of one pattern, for figures and experiments."""
+"""Compute the matrix A, the border taxels and the features at each angle, for figures and experiments."""
 
 import numpy as np
 from scipy import sparse
@@ -9,7 +9,7 @@ from tactile_node.helmholtz.taxel_list import WEIGHTS, Stencil, ringed_taxel_lis
 
 
 def matrix(mask: np.ndarray, stencil: Stencil) -> sparse.csr_array:
-    """Return A of the active taxels of ``mask``, shape (N, N).
+    """Return the (N, N) matrix A of the N active taxels in ``mask``.
 
     >>> matrix(np.array([[True, True]]), Stencil.FIVE).toarray()
     array([[ 4., -1.],
@@ -27,10 +27,10 @@ def matrix(mask: np.ndarray, stencil: Stencil) -> sparse.csr_array:
 
 
 def border(mask: np.ndarray, stencil: Stencil) -> np.ndarray:
-    """Return the mask of the border taxels: active, with an inactive neighbour of that stencil."""
+    """Return the mask of the border taxels, which are active and have an inactive neighbour within the stencil."""
     return taxel_list(mask[np.newaxis]).border(WEIGHTS[stencil])[0]
 
 
 def features_at_angles(mask: np.ndarray, groups: Group) -> dict[str, np.ndarray]:
-    """Return every feature at each of ANGLES, shape (46,); ``mask`` must have an active taxel."""
+    """Return each feature at each of the 46 ANGLES. ``mask`` must have an active taxel."""
     return describe(ringed_taxel_list(with_rotated(mask)[1:]), groups, is_solved=True)

@@ -1,4 +1,4 @@
-"""The page of the reproduction: a self-contained HTML file, and its numbers as CSV files."""
+"""Write the results of the reproduction as a self-contained HTML page and as CSV files."""
 
 import base64
 import csv

@@ -21,9 +21,9 @@ INSIDE = ('value', 'inside')  #: number of inside taxels (Fig. 1 and section 7 o
 
 
 class Wanted(NamedTuple):
-    """Patterns to draw. Their areas are log-uniform between the two ``areas`` [taxels], which may be equal.
+    """Patterns to draw, with log-uniform areas between the two values of ``areas`` [taxels], which may be equal.
 
-    If ``inside`` is not None, only patterns with this number of inside taxels are kept.
+    If ``inside`` is not None, only patterns with ``inside`` inside taxels are kept.
     """
 
     world: str
@@ -35,7 +35,7 @@ class Wanted(NamedTuple):
 
 
 class Task(NamedTuple):
-    """Patterns that one process draws at a time: ``patterns`` of the ``wanted`` ones, from number ``first`` on."""
+    """A batch for one process: ``patterns`` of the ``wanted`` patterns, starting at number ``first``."""
 
     wanted: Wanted
     first: int
@@ -44,14 +44,14 @@ class Task(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Features of the planes over all 46 angles, and over the angles that keep at least half of the taxels."""
+    """Features of the planes, over all 46 angles and over only the angles that keep at least half of the taxels."""
 
     every: Samples
     kept: Samples
 
 
 def draw(wanted: dict[str, Wanted], seed: int, jobs: int) -> dict[str, Drawn]:
-    """Draw the ``wanted`` patterns, by name. The result does not depend on ``jobs``."""
+    """Draw the ``wanted`` patterns of each name. The result does not depend on ``jobs``."""
     parts: list[tuple[Wanted, int, int]] = []
     names: list[str] = []
     for name, each in wanted.items():
@@ -63,14 +63,14 @@ def draw(wanted: dict[str, Wanted], seed: int, jobs: int) -> dict[str, Drawn]:
     rows: dict[str, list[np.ndarray]] = {name: [] for name in wanted}
     with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as pool:
         batches = tqdm(map(draw_batch, tasks) if pool is None else pool.map(draw_batch, tasks), 'drawing patterns',
-                       len(tasks), disable=None)  # with None, the bar is shown only on a terminal
+                       len(tasks), disable=None)  # disable=None shows the bar only on a terminal
         for batch, name in zip(batches, names):
             rows[name].append(batch)
     return {name: _samples(np.concatenate(batches)) for name, batches in rows.items()}
 
 
 def draw_batch(task: Task) -> np.ndarray:
-    """Return rows of features over all angles, features over the kept angles, inside taxels and label; (n, 14)."""
+    """Return (n, 14) rows: the features over all angles and over the kept angles, the inside taxels and the label."""
     wanted, first, count, rng = task
     low, high = np.log(wanted.areas)
     rows: list[list[float]] = []
@@ -87,7 +87,7 @@ def draw_batch(task: Task) -> np.ndarray:
 
 
 def count_inside(mask: np.ndarray) -> int:
-    """Return the number of inside taxels (N - P05) of ``mask``, bool, shape (rows, cols).
+    """Return the number of inside taxels (N - P05) in ``mask``.
 
     >>> count_inside(np.ones((3, 4), bool))
     2
@@ -96,7 +96,7 @@ def count_inside(mask: np.ndarray) -> int:
 
 
 def plane_features(mask: np.ndarray) -> list[float]:
-    """Return the features of COLUMNS over all angles, then over the angles that keep at least half of the taxels."""
+    """Return the features in COLUMNS over all angles, then over the angles that keep at least half of the taxels."""
     at = features_at_angles(mask, Group.INFORMATION5 | Group.GRAVITY9)
     count = int(mask.sum())
     found = []

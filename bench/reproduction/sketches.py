@@ -1,4 +1,4 @@
-"""Figures 1 to 5 of the paper, drawn with our own functions."""
+"""Draw figures 1 to 5 of the paper with our own functions."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ RULES = {'rule 1, axis y': ['.#.', '...', '.#.'], 'rule 2, axis x': ['...', '#.#
 
 
 def discrete_circle() -> Figure:
-    """Fig. 1: a taxel is active if its centre lies inside the circle."""
+    """Draw Fig. 1, in which a taxel is active if its centre lies inside the circle."""
     figure, axes = _lattice()
     mask = CIRCLE.pattern(ROOM, ROOM)
     _dots(axes, ~mask, FAINT, 12)
@@ -30,7 +30,7 @@ def discrete_circle() -> Figure:
 
 
 def circle_border() -> Figure:
-    """Fig. 2: the border taxels of the five-point operator, in black."""
+    """Draw Fig. 2, with the border taxels of the five-point operator in black."""
     figure, axes = _lattice()
     mask = CIRCLE.pattern(ROOM, ROOM)
     rim = border(mask, Stencil.FIVE)
@@ -43,7 +43,7 @@ def circle_border() -> Figure:
 
 
 def centre_of_gravity() -> Figure:
-    """Fig. 3: the strictly lower triangle of the normalised matrix A9 and its centre of gravity T."""
+    """Draw Fig. 3, the strictly lower triangle of the normalised matrix A9 with its centre of gravity T."""
     mask = Contact('rectangle', (5.2, 3.2), x=4, y=4).pattern(9, 9)
     entries = np.tril(matrix(mask, Stencil.NINE).toarray(), -1)
     i, j = np.nonzero(entries)
@@ -63,7 +63,7 @@ def centre_of_gravity() -> Figure:
 
 
 def fictive_points() -> Figure:
-    """Fig. 4: a triplet of taxels and the points between them."""
+    """Draw Fig. 4, a triplet of taxels with the fictive points between the taxels."""
     fine = fine_lattice(np.array([[True, False], [True, True]]))
     real = np.zeros_like(fine)
     real[::FINE, ::FINE] = fine[::FINE, ::FINE]
@@ -75,7 +75,7 @@ def fictive_points() -> Figure:
 
 
 def hole_rules() -> Figure:
-    """Fig. 5: the holes that each rule fills, before (above) and after (below)."""
+    """Draw Fig. 5, the holes before (above) and after (below) each rule fills them."""
     figure = Figure(figsize=(5.2, 3.6), layout='constrained')
     for column, (title, rows) in enumerate(RULES.items()):
         mask = np.array([[cell == '#' for cell in row] for row in rows])

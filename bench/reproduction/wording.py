@@ -1,4 +1,4 @@
-"""The findings as sentences that are made from the numbers, so that text and numbers always agree."""
+"""Generate the sentences about the findings from the numbers, so that text and numbers always agree."""
 
 import math
 
@@ -16,7 +16,7 @@ LARGEST = SIZES[-1]
 
 
 def findings(results: Results) -> list[str]:
-    """Return the findings in the order of the page."""
+    """Return the findings in the order in which the page shows them."""
     return [_against_the_paper(results), _third_plane(results), _where_it_goes_wrong(results),
             _elongation(results), _vanishing(results), _learner(results)]
 
@@ -81,7 +81,7 @@ def _method(results: Results, name: str) -> Method:
 
 
 def explained(results: Results) -> str:
-    """Return a text that says how much of the difference to the paper the reading of N as inside taxels explains."""
+    """Return a text about how much of the gap to the published rates this interpretation of the paper explains."""
     reading, published = results.inside, results.methods[0]
     return ' '.join((_what_is_counted(reading), *(_at(size, reading, published) for size in PUBLISHED),
                      _of_the_count(reading, published), _what_remains(reading)))
@@ -122,7 +122,7 @@ def _what_remains(reading: InsideReading) -> str:
 
 
 def _half_width(size: int, *methods: Method) -> float:
-    """Return half of the 95 % interval for the difference of two methods on different patterns [points]."""
+    """Return half the width of the 95 % interval for the difference of two methods on different patterns [points]."""
     return 50 * math.hypot(*(high - low for low, high in (method.rates[size].interval for method in methods)))
 
 

@@ -1,4 +1,4 @@
-"""The worlds from which patterns are drawn: the benchmark, and others that explain the higher rates of the paper."""
+"""Worlds from which patterns are drawn: the benchmark, and worlds that may explain the paper's higher rates."""
 
 from typing import NamedTuple
 
@@ -9,25 +9,26 @@ from training.ground_truth.seeds import random_pattern
 
 
 class Fixed(NamedTuple):
-    """A world in which each class of ``shapes`` has only one aspect ratio. Position and angle remain random."""
+    """A world in which each class in ``shapes`` has only one aspect ratio, at random positions and angles."""
 
     rectangle: float = 2.0       #: ratio of the sides
     right_triangle: float = 2.0  #: ratio of the legs
     apex: float = 60.0           #: apex angle of the isosceles triangle [degrees]
-    shapes: tuple[str, ...] = CLASSES  #: all other shapes vary as in the benchmark
+    #: classes with one aspect ratio, while all other classes vary as in the benchmark
+    shapes: tuple[str, ...] = CLASSES
 
 
 ONE_PROPORTION = Fixed()
 LONG_RECTANGLES = Fixed(rectangle=4.0)
 EQUILATERAL_TRIANGLES = Fixed(apex=60.0, shapes=('isosceles_triangle',))
-#: Worlds by name. None is the benchmark, in which the aspect ratios vary.
+#: Worlds by name. The value None is the benchmark, in which the aspect ratios vary.
 WORLDS: dict[str, Fixed | None] = {
     'benchmark': None, 'one proportion': ONE_PROPORTION, 'long rectangles': LONG_RECTANGLES,
     'equilateral triangles': EQUILATERAL_TRIANGLES}
 
 
 def draw_pattern(world: str, rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
-    """Draw the pattern of a contact of ``world`` in general position, bool, shape (rows, cols)."""
+    """Draw the pattern of a contact from ``world`` at a random position and angle, as bool (rows, cols)."""
     fixed = WORLDS[world]
     if fixed is None or shape not in fixed.shapes:
         return random_pattern(rng, shape, area)
@@ -36,7 +37,7 @@ def draw_pattern(world: str, rng: np.random.Generator, shape: str, area: float) 
 
 
 def draw_contact(fixed: Fixed, rng: np.random.Generator, shape: str, area: float, room: int) -> Contact:
-    """Draw a contact of ``area`` [taxels] in general position, in the middle of a pad of ``room`` rows and columns."""
+    """Draw a contact of ``area`` [taxels] at a random angle near the middle of a pad with ``room`` rows and columns."""
     x, y = rng.uniform(-0.5, 0.5, 2) + (room - 1) / 2
     angle, handedness = rng.uniform(0, 2 * np.pi), rng.choice((-1.0, 1.0))
     return Contact(shape, _dimensions(fixed, shape, area, handedness), x=x, y=y, angle=angle)

@@ -1,3 +1,3 @@
-# Run `tactile bringup` with the container's arguments as its only process, so that SIGTERM reaches it.
+# Run `tactile bringup` as the only process of the container, so that SIGTERM reaches this process.
 source /opt/tactile_ws/install/setup.bash
 exec tactile bringup "$@"

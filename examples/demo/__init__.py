@@ -1,1 +1,1 @@
-"""`make demo`: a simulated gripper skin is touched by a script, and the results are shown from taxel to shape."""
+"""Demo in which scripted touches of a simulated gripper skin show the results from taxel to shape: `make demo`."""

@@ -1,4 +1,4 @@
-"""Touch a simulated gripper skin with two pads by all five shapes, and show the result of every stage: `make demo`.
+"""Press all five shapes onto a simulated skin of two pads, and show the result of each stage: `make demo`.
 
     python -m examples.demo [--output DIR] [--areas N ...] [--seed N]
 """
@@ -26,7 +26,7 @@ def main(argv: list[str] | None = None) -> int:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     add_output_option(parser, type=Path, default=Path('demo_output'), help='folder for bag, log, pictures and table')
     parser.add_argument('--areas', type=float, nargs='+', default=(25.0, 40.0, 60.0), metavar='N',
-                        help='areas of the touches [taxels]; each shape touches with each area (default: 25 40 60)')
+                        help='areas with which each shape touches [taxels] (default: 25 40 60)')
     parser.add_argument('--seed', type=int, default=2026, help='seed of the touches (default: 2026)')
     try:
         return run(parser.parse_args(argv))
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _emptied(folder: Path) -> Path:
-    """Return ``folder`` without the results of an earlier run; other files in it are kept."""
+    """Delete the results of an earlier run from ``folder``, keep all other files, and return ``folder``."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(folder / 'bag', ignore_errors=True)
@@ -62,13 +62,13 @@ def _emptied(folder: Path) -> Path:
             if (folder / name).is_file():
                 (folder / name).unlink()
     except OSError as error:
-        raise ConfigurationError(f'--output {folder}', expected='a folder that can be written', got=str(error),
-                                 remedy='Name another one.') from error
+        raise ConfigurationError(f'--output {folder}', expected='a writable folder', got=str(error),
+                                 remedy='Name another folder.') from error
     return folder
 
 
 def _conclude(folder: Path, session: DemoSession, verdicts: list) -> int:
-    """Print where the results are; return 0 only if every touch has a verdict and every result exists."""
+    """Print where the results are, and return 0 if every touch has a verdict and every result exists."""
     print(f'\n{report.score(verdicts)}\n{report.speed(session.performance)}\n'
           f'{session.watcher.incomplete} taxel frames incomplete.')
     missing = [name for name in MADE if not (folder / name).exists()]
@@ -87,4 +87,4 @@ if __name__ == '__main__':
     try:
         sys.exit(main())
     finally:
-        ignore_interruptions()  # a second Ctrl-C must not make a clean end look like a crash
+        ignore_interruptions()  # a second Ctrl-C must not make a clean exit look like a crash

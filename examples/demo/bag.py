@@ -1,7 +1,7 @@
 """Write topics into an MCAP bag that `ros2 bag` and Foxglove can read, without an installed rosbag2.
 
-The demo starts this module as a separate process, like `ros2 bag record`. The recorder prints a line when it has
-subscribed. It records until its standard input ends, and then prints the number of messages written.
+The demo starts this module in a separate process, like `ros2 bag record`. The recorder prints a line once it has
+subscribed to all topics, records until the end of its standard input, and then prints the number of recorded messages.
 
     python -m examples.demo.bag FOLDER PAD ...
 """
@@ -25,20 +25,20 @@ from tactile_node.ros.qos import frames_qos
 
 MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'ContactMotion', 'ContactEvent', 'ContactShape',
             'ContactShapes', 'Grasp')
-DEPTH = 1000  #: number of messages that may wait, so that a slow machine records late rather than incompletely
+DEPTH = 1000  #: queue depth, which lets a slow machine record messages late instead of losing them
 
 
 class BagRecorder:
-    """Records the messages that ``node`` receives, from construction to `close`.
+    """Records all messages that ``node`` receives until `close` is called.
 
     Parameters
     ----------
     node
-        Node that subscribes.
+        Node that subscribes to the topics.
     folder
         Folder of the bag.
     topics
-        Topic -> type in the form 'package/msg/Name'.
+        Maps each topic to its type, in the form 'package/msg/Name'.
     qos
         QoS of the subscriptions.
     """

@@ -1,4 +1,4 @@
-"""Compare what the demo's topics reported about each touch with the true touch."""
+"""Compare the touches reported on the demo's topics with the true touches."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -8,28 +8,31 @@ import numpy as np
 from tactile_node.shape.recognition import UnknownReason
 from tactile_node.simulator.touches import SimulatedTouch
 
-SIZE_TOLERANCE = 0.25  #: allowed error of a length [pitches]
-MOST_SKIN_LATE = 0.01  #: lateness (99 %) of the simulated skin's CAN frames above which the machine is too slow [s]
-#: Time for which all threads of the nodes together may wait for a processor, as a share of the session. Above it, the
-#: machine is too busy: it was 0.37 on two idle cores, and 0.57 beside two processes that keep both cores busy.
+SIZE_TOLERANCE = 0.25  #: largest allowed error of a length [pitches]
+
+#: The machine is too slow if more than 1 % of the simulated skin's CAN frames are later than this [s].
+MOST_SKIN_LATE = 0.01
+#: Limit for the total time that all threads of the nodes wait for a processor, as a share of the session. Above this
+#: limit, the machine is too busy. The share was 0.37 on two idle cores, and 0.57 beside two processes that kept both
+#: cores busy.
 MOST_WAITED = 0.5
 
 
 class Performance(NamedTuple):
-    """Speed at which shapes were received, and the speed of the machine.
+    """Latency of the received shapes, and two measures of the machine's speed.
 
-    Neither the lateness of the simulated skin nor the time for which the nodes wait for a processor depends on how fast
-    the nodes are. Both therefore measure the machine.
+    The lateness of the simulated skin and the time that the nodes wait for a processor do not depend on the speed of
+    the nodes. The lateness and the waiting time therefore measure only the machine.
     """
 
-    latency: Sequence[float]  #: time from SYNC to the arrival of each shape [s]
-    frames: int               #: number of frames that all pads acquired during this time
-    skin_late: float          #: lateness that 99 % of the skin's CAN frames did not exceed [s]
-    waited: float = 0.0       #: time for which threads of the nodes waited for a processor, as a share of the session
+    latency: Sequence[float]  #: times from SYNC to the arrival of each shape [s]
+    frames: int               #: number of frames acquired by all pads during the script
+    skin_late: float          #: 99th percentile of the lateness of the skin's CAN frames [s]
+    waited: float = 0.0       #: total time that threads of the nodes waited for a processor, as a share of the session
 
     @property
     def answered(self) -> float:
-        """Fraction of the frames for which a shape was received."""
+        """Fraction of taxel frames for which a shape was received."""
         return min(len(self.latency) / max(self.frames, 1), 1.0)
 
     @property
@@ -40,43 +43,43 @@ class Performance(NamedTuple):
 class SeenFit(NamedTuple):
     """Pose and size from the shape topic, in the frame of the pad [m, rad]."""
 
-    dimensions: Mapping[str, float]  #: lengths by their names in ContactShape.dimension_names
+    dimensions: Mapping[str, float]  #: lengths, by the names in ContactShape.dimension_names
     centre: tuple[float, float]
     angle: float | None              #: None for a circle
     names: tuple[str, ...]           #: names of the rows of ``covariance``
     covariance: np.ndarray
-    outline: np.ndarray              #: corners, shape (n, 2)
+    outline: np.ndarray              #: corners of the outline, (n, 2)
 
     def sd(self, name: str) -> float:
-        """Return the standard deviation of one of ``names``."""
+        """Return the standard deviation of the parameter ``name``."""
         place = self.names.index(name)
         return float(np.sqrt(self.covariance[place, place]))
 
     @property
     def lengths(self) -> str:
-        """Dimensions in millimetres; a single dimension has its name."""
+        """The dimensions in millimetres, preceded by the name if there is only one."""
         name = f'{next(iter(self.dimensions))} ' if len(self.dimensions) == 1 else ''
         return name + ' x '.join(f'{1000 * length:.1f}' for length in self.dimensions.values())
 
     @property
     def size(self) -> str:
-        """Dimensions and the largest of their standard deviations, in millimetres."""
+        """The dimensions and their largest standard deviation, in millimetres."""
         return f'{self.lengths} ± {1000 * max(map(self.sd, self.dimensions)):.2f} mm'
 
     @property
     def place(self) -> str:
-        """Centre and the larger standard deviation of its coordinates, in millimetres."""
+        """The centre and the larger standard deviation of its coordinates, in millimetres."""
         x, y = self.centre
         return f'{1000 * x:.1f}, {1000 * y:.1f} ± {1000 * max(self.sd("x"), self.sd("y")):.2f} mm'
 
     @property
     def turn(self) -> str:
-        """Angle and its standard deviation in degrees; '' for a circle."""
+        """The angle and its standard deviation in degrees, or an empty string for a circle."""
         return '' if self.angle is None else f'{np.degrees(self.angle):.1f} ± {np.degrees(self.sd("angle")):.1f}°'
 
 
 class Seen(NamedTuple):
-    """One recognised frame: time [s since operational], probabilities by shape, taxels (rows, cols) [Pa]."""
+    """One recognised frame, with its time in the script [s], probabilities by shape, and taxels (rows, cols) [Pa]."""
 
     time: float
     probabilities: Mapping[str, float]
@@ -91,12 +94,12 @@ class Seen(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """One touch of one pad, and its recognition over the frames in which it was held steadily."""
+    """One touch of one pad, with the recognition result over all frames in which the touch was steady."""
 
     pad: str
     touch: SimulatedTouch
     recognised: str
-    confidence: float  #: mean probability of ``recognised`` over the frames
+    confidence: float  #: mean probability of the recognised shape over the frames
     frames: int
     taxels: np.ndarray  #: taxels in the middle frame [Pa]
     fit: SeenFit | None  #: fit in the middle frame
@@ -108,12 +111,13 @@ class Verdict(NamedTuple):
 
     @property
     def true_lengths(self) -> tuple[float, ...]:
-        """Dimensions of the true contact, in the order of its fit's dimensions [m]."""
-        return tuple(self.pitch * length for length in self.touch.contact.dimensions[:2])  # leaves out the handedness
+        """Dimensions of the true contact, in the same order as the dimensions of a fit [m]."""
+        # a third value would be the handedness
+        return tuple(self.pitch * length for length in self.touch.contact.dimensions[:2])
 
     @property
     def size_error(self) -> float:
-        """Largest error of a dimension [m]; NaN without a fit of the right shape."""
+        """Largest error of a dimension [m], or NaN without a fit of the right shape."""
         if self.fit is None or len(self.fit.dimensions) != len(self.true_lengths) or not self.is_right_shape:
             return np.nan
         return max(abs(found - true) for found, true in zip(self.fit.dimensions.values(), self.true_lengths))
@@ -124,7 +128,7 @@ class Verdict(NamedTuple):
 
 
 def verdicts_of(pad: str, touches: tuple[SimulatedTouch, ...], seen: list[Seen], pitch: float) -> list[Verdict]:
-    """Return a verdict for each touch that was seen in a frame; ``pitch`` is the distance of the taxels [m]."""
+    """Return a verdict for each touch with at least one frame. ``pitch`` is the distance between taxels [m]."""
     held = ((touch, [frame for frame in seen if touch.is_steady(frame.time)]) for touch in touches)
     return [_verdict(pad, touch, frames, pitch) for touch, frames in held if frames]
 

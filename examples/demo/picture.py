@@ -1,4 +1,4 @@
-"""The demo's picture of a pad: every touch with its taxel values, the fitted outline and the true outline."""
+"""Draw the demo's picture of a pad, with taxel values, fitted outline and true outline of each touch."""
 
 from pathlib import Path
 
@@ -15,24 +15,26 @@ from tactile_node.simulator.world import CLASSES
 TITLE = ('Pad "{pad}": true shapes, and the report of the shape topic (probability, size, centre, angle ± '
          'standard deviation)')
 KILO = 1e3
-FULL_SCALE = 100.0  #: pressure with the brightest colour [kPa]
+FULL_SCALE = 100.0  #: pressure shown in the brightest colour [kPa]
 WIDTH = 9.0    #: width of the picture [inch]
-PANEL = 1.52   #: side of a panel [inch]
+PANEL = 1.52   #: side length of a panel [inch]
 LEFT = 0.48    #: left margin [inch]
 RIGHT = 0.75   #: right margin [inch]
 TOP = 0.32     #: top margin [inch]
 BOTTOM = 0.72  #: bottom margin [inch]
 GAP = 0.05     #: space between panels [inch]
-WORDS = 0.66   #: space above each panel for its text [inch]
+WORDS = 0.66   #: space for text above each panel [inch]
 DPI = 150
-TICK = 10  #: distance of the ticks [mm]
-MAGNIFIED = 50  #: magnification of the centre's ellipse, whose axes are only some hundredths of a millimetre
-FITTED, TRUE = 'cyan', 'white'  #: colours of the outlines, which also differ in their lines
+TICK = 10  #: distance between ticks [mm]
+
+#: Magnification of the centre's error ellipse, whose true axes are only some hundredths of a millimetre long.
+MAGNIFIED = 50
+FITTED, TRUE = 'cyan', 'white'  #: colours of the outlines, which also differ in line style
 RECOGNISED, WRONG = 'black', '#b30000'
 
 
 def draw_pad(verdicts: list[Verdict], pitch: float, path: Path) -> None:
-    """Draw the touches of one pad, with one column per shape and one row per size; ``pitch`` [m]."""
+    """Draw the touches of one pad, with one column per shape and one row per size."""
     areas = sorted({round(verdict.touch.contact.area) for verdict in verdicts})
     height = TOP + BOTTOM + (PANEL + WORDS) * len(areas)
     figure = Figure(figsize=(WIDTH, height))
@@ -58,7 +60,7 @@ def draw_pad(verdicts: list[Verdict], pitch: float, path: Path) -> None:
 
 
 def _draw_touch(axis: Axes, verdict: Verdict, pitch: float) -> AxesImage:
-    """Draw one touch and return its image, which the colour bar needs."""
+    """Draw one touch, and return the image for the colour bar."""
     millimetres = 1000 * pitch
     rows, cols = verdict.taxels.shape
     left, right, bottom, top = (millimetres * (edge - 0.5) for edge in (0, cols, 0, rows))

@@ -1,4 +1,4 @@
-"""Results of the demo as a table, for the terminal and as CSV."""
+"""Show the demo's results as a table in the terminal, and write them as CSV."""
 
 import csv
 from pathlib import Path
@@ -7,14 +7,15 @@ import numpy as np
 
 from examples.demo.observation import SIZE_TOLERANCE, Performance, SeenFit, Verdict
 
-SHOWN = ('pad', '[s]', 'true', 'prob', 'true size', 'size')  #: columns that fit into the 80 columns of a terminal
+#: table columns, which together fit into a terminal of 80 columns
+SHOWN = ('pad', '[s]', 'true', 'prob', 'true size', 'size')
 TOUCHED = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confidence', 'frames',
            'size_error_mm')
 FOUND = ('size1_mm', 'size2_mm', 'size_sd_mm', 'x_mm', 'y_mm', 'centre_sd_mm', 'found_angle_deg', 'angle_sd_deg')
 
 
 def table(verdicts: list[Verdict]) -> str:
-    """Return the table as text with one line per touch; wrong results are marked."""
+    """Return the table as text with one line per touch, and mark wrong results."""
     cells = [_shown(verdict) for verdict in verdicts]
     widths = [max(map(len, column)) for column in zip(SHOWN, *cells)]
     marks = ['', *map(_mark, verdicts)]
@@ -29,14 +30,14 @@ def _mark(v: Verdict) -> str:
 
 
 def score(verdicts: list[Verdict]) -> str:
-    """Return a sentence about shapes and sizes."""
+    """Return a sentence with the numbers of right shapes and right sizes."""
     return (f'{sum(v.is_right_shape for v in verdicts)} of {len(verdicts)} touches recognised, '
             f'{sum(v.is_right_size for v in verdicts)} of them with the right size '
             f'(within {SIZE_TOLERANCE:g} taxel pitches).')
 
 
 def speed(performance: Performance) -> str:
-    """Return the latency that a planner sees, and a warning if the machine was too slow to judge it."""
+    """Return a text about the latency for a planner, and a warning if the machine was too slow to judge it."""
     if not performance.latency:
         return 'No shape was received.'
     median, high = 1e3 * np.percentile(performance.latency, (50, 99))
@@ -69,7 +70,7 @@ def _touched(v: Verdict) -> tuple:
 
 
 def _found(fit: SeenFit | None) -> list[str]:
-    """Return the cells of a fit as text. A cell without a value is empty: a circle has one length and no angle."""
+    """Return the cells of a fit as text. Missing values give empty cells, such as the angle of a circle."""
     if fit is None:
         return len(FOUND) * ['']
     first, second = (*fit.dimensions.values(), None)[:2]

@@ -1,6 +1,6 @@
-"""One run of the demo. Skin, nodes and recorder are separate processes, as on a robot.
+"""Run the demo, with skin, nodes and recorder in separate processes, as on a robot.
 
-This process only listens, like a planner, so it sees the same latency as a planner.
+The process of this module only listens, like a planner, and therefore measures the same latency as a planner.
 """
 
 import json
@@ -24,16 +24,16 @@ from tactile_node.nodes.spinning import Spinner
 from tactile_node.viewing.terminal import draw, side_by_side
 
 ROOT = Path(__file__).resolve().parents[2]
-FULL_SCALE = 100e3  #: full scale of LAYOUT [Pa]
-SYNC_PERIOD = 0.05  #: time between two SYNCs [s], which gives 20 frames per second from each pad
-DRAW_PERIOD = 0.1  #: time between two pictures [s]
-LEAD = 0.2  #: time from the decision to begin until the script begins [s]
-PATIENCE = 20.0  #: longest wait for the first shapes and for the last ones [s]
+FULL_SCALE = 100e3  #: full scale of the taxels in LAYOUT [Pa]
+SYNC_PERIOD = 0.05  #: time between two SYNC messages [s], for 20 frames per second from each pad
+DRAW_PERIOD = 0.1  #: time between two updates of the view [s]
+LEAD = 0.2  #: delay before the script of touches begins [s]
+PATIENCE = 20.0  #: longest wait for the first shapes, and again for the last shapes [s]
 END_TIMEOUT = 60.0  #: time allowed for a process to end [s]
 
 
 class Part:
-    """A process of the demo: a Python module. Ctrl-C reaches only this process, which then ends the parts."""
+    """A Python module in a separate process. Ctrl-C reaches only the main process, which then ends all parts."""
 
     def __init__(self, stack: ExitStack, module: str, *words: str):
         self._module = module
@@ -42,7 +42,7 @@ class Part:
         stack.callback(self.end)
 
     def read_line(self) -> str:
-        """Return the line that the process prints once it is ready. Raises TactileError if the process has ended."""
+        """Return the line that the process prints when ready. Raises TactileError if the process has ended."""
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
@@ -57,11 +57,11 @@ class Part:
     def check(self) -> None:
         """Raise TactileError if the process has ended."""
         if self._process.poll() is not None:
-            raise TactileError(self._module, expected='a process that runs to the end of the demo',
-                               got=f'exit code {self._process.returncode}', remedy='See the reason printed above.')
+            raise TactileError(self._module, expected='a process that runs until the demo ends',
+                               got=f'exit code {self._process.returncode}', remedy='Read the error output above.')
 
     def waited(self) -> float:
-        """Return how long the threads of the process have waited for a processor, in sum [s]; 0 where unknown.
+        """Return the total time that all threads of the process have waited for a processor [s], or 0 if unknown.
 
         The second number in schedstat (proc(5)) is the time on a run queue [ns].
         """
@@ -69,14 +69,14 @@ class Part:
         return sum(int(task.read_text().split()[1]) for task in tasks) / 1e9
 
     def end(self) -> str:
-        """Close the input of the process, which ends it, and return the rest of its output."""
+        """End the process by closing its input, and return the rest of its output."""
         if self._process.stdin is None or self._process.stdin.closed:
             return ''
         return self._process.communicate(timeout=END_TIMEOUT)[0]
 
 
 class Nodes(Part):
-    """`tactile bringup`, which is ended by a signal."""
+    """The process of `tactile bringup`, which needs a signal to end."""
 
     def end(self) -> str:
         self._process.terminate()
@@ -84,7 +84,7 @@ class Nodes(Part):
 
 
 class DemoSession:
-    """A context that starts all processes on entry and ends them on exit."""
+    """A context that starts all processes of the demo on entry and ends them on exit."""
 
     def __init__(self, folder: Path, seed: int, areas: Sequence[float]):
         self.pitch = demo_pads()[0].layout.pitch  #: distance between neighbouring taxels on both pads [m]
@@ -121,7 +121,7 @@ class DemoSession:
         self._stack.close()
 
     def play(self) -> None:
-        """Run the script of touches until both pads have answered its end, and draw their views in the meantime."""
+        """Run the script of touches and draw both pads, until shapes for the end of the script have arrived."""
         self._wait_until_ready()
         self._begin = time.time() + LEAD
         self._skin.write_line(repr(self._begin))
@@ -147,7 +147,7 @@ class DemoSession:
                                        skin_late=report['late_p99'], waited=waited)
 
     def verdicts(self) -> list[Verdict]:
-        """Return the verdict about each touch."""
+        """Return a verdict for each touch."""
         return [verdict for pad, touches in self._touches.items()
                 for verdict in verdicts_of(pad, touches, self.watcher.seen[pad], self.pitch)]
 
@@ -156,9 +156,9 @@ class DemoSession:
         return sum(map(len, self._touches.values()))
 
     def _wait_until_ready(self) -> None:
-        """Wait until both pads are seen to be empty.
+        """Wait until both pads are seen empty, but at most PATIENCE.
 
-        Wait at most PATIENCE, because on an overloaded machine this may never happen.
+        On an overloaded machine, the pads may never be seen empty.
         """
         give_up = time.monotonic() + PATIENCE
         while not self.watcher.is_empty and time.monotonic() < give_up:
@@ -173,5 +173,5 @@ class DemoSession:
             part.check()
 
     def _demo_time(self, stamp: float) -> float:
-        """Return the script's time at an acquisition stamp [s]; it is negative before the script."""
+        """Convert an acquisition stamp to the script's time [s], which is negative before the script begins."""
         return stamp - self._begin if self._begin is not None else -LEAD

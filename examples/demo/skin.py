@@ -1,7 +1,8 @@
-"""The simulated skin of the demo, a separate process as hardware would be: an slcan adapter on a pseudo-terminal.
+"""Run the demo's simulated skin as an slcan adapter on a pseudo-terminal, in a separate process like real hardware.
 
-The process prints the port. It reads a line with the time at which the script of touches begins [s, Unix epoch]. When
-its standard input ends, it prints the report of the wire as JSON and ends.
+The process prints its port, and then reads a line with the time at which the script of touches begins [s, Unix epoch].
+At the end of its standard input, the process prints a report about the bus as JSON and exits.
+
     python -m examples.demo.skin SEED AREA ...
 """
 
@@ -18,9 +19,9 @@ from tactile_node.simulator.slcan_pty import SlcanPty
 
 
 class Script:
-    """The clock of the touches. It stays before the first touch until ``begin`` is known [s, Unix epoch].
+    """The clock of the touches, which stays before the first touch until ``begin`` is set [s, Unix epoch].
 
-    The script continues when the driver restarts a device. With the clock of the device, the script would start again.
+    The script continues when the driver restarts a device. With the device's own clock, the script would start again.
     """
 
     begin = math.inf
@@ -42,7 +43,7 @@ def main(words: list[str]) -> None:
     gc.freeze()  # a full garbage collection would delay a sweep by about 40 ms
     for line in sys.stdin:
         script.begin = float(line)
-        simulator.report()  # so that the next report covers only the touches
+        simulator.report()  # discard this report, so that the next report covers only the touches
     report = simulator.report()
     simulator.stop()
     print(json.dumps(report._asdict() if report else {}))

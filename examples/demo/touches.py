@@ -1,4 +1,4 @@
-"""The script of the demo: which shape touches which pad at which time, and the values that the pad then measures."""
+"""Script of the demo's touches, with the shape, pad and time of each touch and the resulting taxel values."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,12 +14,12 @@ from tactile_node.skin.pads import LivePad, make_pad
 PADS = 'left', 'right'
 NODE_IDS = 32, 64
 LAYOUT = 'sim16x16.yaml'
-LARGEST = 60.0  #: largest area for which every shape fits on 16 x 16 taxels [taxels]
+LARGEST = 60.0  #: largest area with which every shape fits on 16 x 16 taxels [taxels]
 TOUCH = 0.8     #: duration of a touch [s]
 GAP = 0.3       #: time between two touches [s]
 PRESSURE = 0.6  #: [fraction of full scale]
 SKIN = Skin(noise=0.01)
-MARGIN = 0.5  #: distance that an object keeps from the pad's edge [pitches]
+MARGIN = 0.5  #: smallest distance between a contact and the pad's edge [pitches]
 
 
 def demo_pads() -> list[LivePad]:
@@ -27,19 +27,19 @@ def demo_pads() -> list[LivePad]:
 
 
 def scripts_of(seed: int, areas: Sequence[float]) -> dict[str, tuple[SimulatedTouch, ...]]:
-    """Return the touches by pad name; the pads have different touches."""
+    """Return different touches for each pad, by pad name."""
     return {pad.name: scripted_touches(seed + number, areas, pad.layout.rows, pad.layout.cols)
             for number, pad in enumerate(demo_pads())}
 
 
 def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) -> tuple[SimulatedTouch, ...]:
-    """Return touches with every shape and every area, in random order, at random places and angles.
+    """Return touches by each shape with each area, in random order and at random places and angles.
 
-    Raises ConfigurationError for an area with which not every shape fits on the pad.
+    The function raises ConfigurationError if a shape of one of the areas may not fit on the pad.
     """
     if not all(0 < area <= LARGEST for area in areas):
         raise ConfigurationError('--areas', expected=f'areas > 0 and up to {LARGEST:.0f} taxels', got=str(areas),
-                                 remedy='The pad has no room for larger areas. For example --areas 25 40 60.')
+                                 remedy='Give smaller areas that fit on the pad, for example --areas 25 40 60.')
     rng = np.random.default_rng(seed)
     kinds = [(shape, area) for area in areas for shape in CLASSES]
     rng.shuffle(kinds)
@@ -50,7 +50,7 @@ def scripted_touches(seed: int, areas: Sequence[float], rows: int, cols: int) ->
 
 
 class TouchedPad:
-    """A TaxelSource for the simulated skin: the values that a pad measures during ``touches``."""
+    """A TaxelSource for the simulated skin, which returns the values that a pad measures during ``touches``."""
 
     def __init__(self, touches: tuple[SimulatedTouch, ...], rows: int, cols: int, seed: int):
         self._touches = touches
@@ -66,7 +66,7 @@ class TouchedPad:
 
 
 def _fitting(rng: np.random.Generator, shape: str, area: float, rows: int, cols: int) -> Contact:
-    """Draw contacts until one fits on the pad, and place it anywhere on the pad."""
+    """Draw contacts until one fits on the pad, and place this contact anywhere on the pad."""
     while True:
         contact = random_contact(rng, shape, area, rows=rows, cols=cols)
         low, high = contact.outline().min(0), contact.outline().max(0)

@@ -1,4 +1,4 @@
-"""The node that watches a demo and pairs taxels with shapes, for the screen and for the table."""
+"""Node that watches the demo and pairs taxels with shapes, for the screen and the table."""
 
 import time
 from collections import OrderedDict
@@ -18,11 +18,11 @@ from tactile_node.shape.recognition import Shape, UnknownReason
 from tactile_node.viewing.terminal import PadView
 from tactile_skin.msg import ContactShape, TaxelArray
 
-KEPT = 50  #: queue depth, and number of taxel arrays that may wait for their shape (2.5 s)
+KEPT = 50  #: queue depth, and number of taxel arrays that may wait for their shapes (2.5 s)
 
 
 class Watcher(Node):
-    """Listens to the topics `taxels` and `shape` of each pad.
+    """Subscribes to the topics `taxels` and `shape` of each pad.
 
     ``demo_time`` converts an acquisition stamp to the script's time [s].
     """
@@ -32,7 +32,8 @@ class Watcher(Node):
         self._demo_time, self._full_scale = demo_time, full_scale
         self._waiting: dict[str, OrderedDict[int, np.ndarray]] = {pad: OrderedDict() for pad in pads}
         self.seen: dict[str, list[Seen]] = {pad: [] for pad in pads}
-        self.latency: list[float] = []  #: times from SYNC to the arrival of each shape here, during the script [s]
+        #: times from SYNC to the arrival of each shape in this node, during the script [s]
+        self.latency: list[float] = []
         self.incomplete = 0  #: number of taxel arrays with missing CAN frames
         qos = frames_qos(KEPT)
         for pad in pads:
@@ -42,18 +43,18 @@ class Watcher(Node):
                                 check=check_contact_shape)
 
     def views(self) -> list[PadView]:
-        """Return the views to draw now, for the pads with data."""
+        """Return the current views of all pads that have data."""
         return [PadView(pad, seen[-1].taxels / self._full_scale, _words(seen[-1]))
                 for pad, seen in self.seen.items() if seen]
 
     @property
     def is_empty(self) -> bool:
-        """True if the newest shape of every pad says that nothing touches it."""
+        """True if the latest shape of every pad says that nothing touches the pad."""
         return all(seen and seen[-1].name == Shape.NONE.value for seen in self.seen.values())
 
     @property
     def reached(self) -> float:
-        """Time of the script up to which the shapes of every pad were received [s]."""
+        """Time in the script until which shapes of all pads have arrived [s]."""
         return min(seen[-1].time if seen else 0.0 for seen in self.seen.values())
 
     def _taxels(self, pad: str, message: TaxelArray) -> None:

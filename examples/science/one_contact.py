@@ -2,9 +2,9 @@
 One contact, from taxel values to a shape with covariance
 =========================================================
 
-Compute the quantities of the paper of Volf, Dvořák and Vlček for a tactile pattern, find its place in the paper's
-three planes, recognise its shape with the learned recogniser, and fit pose and size with their covariance. This needs
-NumPy and Matplotlib, but neither ROS nor CAN: ``pip install '.[picture]'``.
+This example computes the quantities of the paper by Volf, Dvořák and Vlček for a tactile pattern and shows the pattern
+in the paper's three planes. The example then recognises the shape with the learned recogniser, and fits pose and size
+with their covariance. The example needs NumPy and Matplotlib, but neither ROS nor CAN: ``pip install '.[picture]'``.
 """
 
 # %%
@@ -12,8 +12,8 @@ NumPy and Matplotlib, but neither ROS nor CAN: ``pip install '.[picture]'``.
 # -------
 #
 # The object is a right triangle of 40 mm by 24 mm, turned by 25 degrees, on a pad of 16 x 16 taxels with a pitch of 4
-# mm. A taxel reads 60 kPa times the covered part of its area, with a noise of 300 Pa. One taxel is dead; it is NaN, not
-# 0.
+# mm. Each taxel reads 60 kPa times the covered share of its area, with noise of 300 Pa. One taxel is dead and has the
+# value NaN, not 0.
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -22,11 +22,11 @@ import tactile_node as tn
 
 PITCH = 0.004  # distance between neighbouring taxels [m]
 SIDE = 16      # number of rows and of columns
-FINE = 10      # number of sample points along a taxel
+FINE = 10      # number of sample points per taxel in each direction
 
 
 def covered(corners, degrees=0.0, middle=(0.030, 0.030)):
-    """Return the covered part of each taxel under a convex polygon, (n, 2) [m] about its middle, counter-clockwise."""
+    """Return the share of each taxel covered by a convex polygon with counter-clockwise ``corners``, (n, 2) [m]."""
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     corners = (corners - np.mean(corners, axis=0)) @ np.array([[cos, sin], [-sin, cos]]) + middle
     places = ((np.arange(SIDE * FINE) + 0.5) / FINE - 0.5) * PITCH
@@ -46,8 +46,9 @@ frame[6, 6] = np.nan
 # The contact
 # -----------
 #
-# Taxels that stand out of the noise and read at least half of the contact's own level belong to the contact. A dead
-# taxel that the contact encloses belongs to it too.
+# A taxel belongs to the contact if its reading stands out of the noise and is at least half of the contact's own level.
+# A dead
+# taxel that the contact encloses also belongs to the contact.
 
 contact = tn.find_contact(frame, unit='Pa')
 print(int(contact.mask.sum()), 'taxels are pressed; the whole pad was seen:', contact.pad_seen)
@@ -56,10 +57,10 @@ print(int(contact.mask.sum()), 'taxels are pressed; the whole pad was seen:', co
 # The paper's quantities
 # ----------------------
 #
-# N is the number of pressed taxels; P05 and P09 count border taxels. The smallest eigenvalues of the five- and
-# nine-point Laplacian follow (section 3), the information measures (section 4) and the centre of gravity of the matrix
-# (section 5). ``rotated`` has the smallest and the largest value of each quantity over 46 rotations of the pattern
-# (section 6).
+# N is the number of pressed taxels, and P05 and P09 are numbers of border taxels. The other quantities are the smallest
+# eigenvalues of the five-point and the nine-point Laplacian (section 3 of the paper), the information measures (section
+# 4) and the centre of gravity of the matrix (section 5). ``rotated`` contains the smallest and the largest value of
+# each quantity over 46 rotations of the pattern (section 6).
 
 features = tn.paper_features(contact)
 for name in ('N', 'P05', 'P09', 'lambda5', 'lambda9', 'info_norm5', 'V9', 'alpha9'):
@@ -71,11 +72,11 @@ print(f'alpha9 over the rotations: {over.min:.2f} at {over.min_angle}, {over.max
 # The three planes
 # ----------------
 #
-# Each plane has two quantities as its axes, and one or two curves that separate classes (section 7, figures 6 to 8). In
-# the three planes, a pattern above the solid line is called a rectangle, an isosceles triangle and a square; between
-# the solid and the dashed line, it is called a right triangle. The points are thirty patterns of each shape that the
-# plane decides on, with random size and angle. The cross is this contact. In the first plane, rectangles with sides of
-# 2 to 1 lie among the right triangles.
+# Each plane has two quantities as its axes, and one or two curves that separate classes (section 7, figures 6 to 8). A
+# pattern above the solid line is called a rectangle in the first plane, an isosceles triangle in the second and a
+# square in the third. A pattern between the solid and the dashed line is called a right triangle. The points are thirty
+# random patterns of each shape that a plane can decide on. The cross is the contact of this example. In the first
+# plane, rectangles with an aspect ratio of 2:1 lie among the right triangles.
 
 from tactile_node.package_files import config_path
 from tactile_node.shape.volf import VolfClassifier, plane_feature
@@ -88,7 +89,7 @@ SHAPES = {
 
 
 def pattern_of(shape):
-    """Return the features of one pattern of a shape with an area of 25 to 80 taxels."""
+    """Return the features of a random pattern of ``shape`` with an area of 25 to 80 taxels."""
     x, y = SHAPES[shape].T
     area = (x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
     corners = SHAPES[shape] * PITCH * np.sqrt(random.uniform(25, 80) / area)
@@ -118,8 +119,8 @@ for axes, names, shapes in zip(all_axes, curves, decided):
 all_axes[0].legend(fontsize=8)
 
 # %%
-# The paper's classifier reads the planes from left to right and stops where the pattern is above a curve. It can be
-# wrong: near a curve, patterns of several shapes lie close together.
+# The paper's classifier goes through the planes from left to right and stops at the first plane where the pattern lies
+# above a curve. The classifier can be wrong, because patterns of several shapes lie close together near a curve.
 
 print(tn.Recogniser('volf').recognise(contact).shape.value)
 
@@ -127,7 +128,8 @@ print(tn.Recogniser('volf').recognise(contact).shape.value)
 # The learned recogniser
 # ----------------------
 #
-# The nodes use this recogniser by default. It is a small network that reads the pattern and the pressures.
+# The nodes use the learned recogniser by default. The learned recogniser is a small network that reads the pattern and
+# the pressures.
 
 found = tn.Recogniser().recognise(contact)
 for shape, probability in sorted(found.probabilities.items(), key=lambda pair: -pair[1]):
@@ -137,9 +139,9 @@ for shape, probability in sorted(found.probabilities.items(), key=lambda pair: -
 # Pose and size
 # -------------
 #
-# The fit finds the outline by least squares from pattern and pressures. The covariance covers all parameters together;
-# here it is shown as standard deviations. The true values are: long leg 40 mm, short leg 24 mm, centre at 30 mm and 30
-# mm, angle 25 degrees.
+# The fit finds the outline from the pattern and the pressures by least squares. The covariance covers all parameters
+# together. The example prints the standard deviations. The true values are 40 mm for the long leg, 24 mm for the short
+# leg, (30, 30) mm for the centre and 25 degrees for the angle.
 
 fit = tn.fit_shape(contact, found.shape, PITCH)
 deviations = np.sqrt(np.diag(fit.covariance))
@@ -148,7 +150,8 @@ for name, value, deviation in zip(fit.parameter_names, fit.parameters, deviation
     print(f'{name:10}{factor * value:8.2f} +- {factor * deviation:.2f} {unit}')
 
 # %%
-# The covariance also gives the correlations of the parameters: a longer leg moves the centre along this leg.
+# The covariance also gives the correlations between the parameters. For example, a longer leg moves the centre along
+# this leg.
 
 with np.printoptions(precision=2, suppress=True):
     print(fit.parameter_names)
@@ -158,7 +161,7 @@ with np.printoptions(precision=2, suppress=True):
 # The picture
 # -----------
 #
-# The dead taxel is grey; the fit does not use it.
+# The picture shows the dead taxel in grey. The fit does not use this taxel.
 
 figure, axes = plt.subplots(figsize=(5.5, 4.8), layout='constrained')
 tn.plot_frame(frame / 1e3, fit, PITCH, axes)

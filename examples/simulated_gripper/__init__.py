@@ -1,1 +1,1 @@
-"""A parallel gripper with two tactile pads, simulated in MuJoCo, to develop grasp planners without hardware."""
+"""Parallel gripper with two tactile pads, simulated in MuJoCo, to develop grasp planners without hardware."""

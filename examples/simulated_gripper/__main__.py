@@ -4,9 +4,9 @@
     tactile bringup --interface slcan --channel /tmp/skin --pads left,right --node-ids 32,64 \\
         --gap-source joint_states --gap-joints hand_gap
 
-With --seed, the item is displaced from the aim of the hand by up to 8 mm and 15 degrees; without --seed, the item is
-exactly at the aim. The second command is the same as for a real skin. The gripper is commanded by the action
-hand/gripper_cmd (control_msgs), and the hand by lines that you type here.
+With --seed, the item is displaced from the aim of the hand by up to 8 mm and turned by up to 15 degrees. Without
+--seed, the item is exactly at the aim. The second command is the same as for a real skin. Use the action
+hand/gripper_cmd (control_msgs) to command the gripper, and type orders into this program to command the hand.
 """
 
 import argparse
@@ -28,7 +28,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--item', default='square', help=f'item to grasp: {", ".join(ITEMS)} (default: %(default)s)')
     parser.add_argument('--seed', type=int, help="seed of the item's displacement (default: no displacement)")
     parser.add_argument('--link', default='', metavar='PATH', help="symbolic link to the skin's adapter")
-    parser.add_argument('--picture', type=Path, metavar='FILE', help='only draw a grasp to this file, and end')
+    parser.add_argument('--picture', type=Path, metavar='FILE', help='only draw a picture of a grasp to this file')
     args = parser.parse_args(argv)
     try:
         world = World(item_of(args.item), AIM if args.seed is None else random_place(args.seed))
@@ -44,7 +44,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _serve(world: World, args: argparse.Namespace) -> int:
-    import rclpy  # not needed for a picture
+    import rclpy  # imported here, because a picture needs no ROS
     from rclpy.signals import SignalHandlerOptions
 
     from examples.simulated_gripper.session import HAS_ACTION, Bench

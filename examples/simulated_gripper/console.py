@@ -1,4 +1,4 @@
-"""Orders that a user types, one per line (see ORDERS)."""
+"""Execute the orders that a user types, one per line (see ORDERS)."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -17,7 +17,7 @@ def _close(world: World, words: list[str]) -> None:
     world.command(Command(0.0, **({'effort': float(words[0])} if words else {})))
 
 
-#: order -> its arguments as text, and the function that executes it
+#: For each order, the arguments as text and the function that executes the order.
 ORDERS: Mapping[str, tuple[str, Callable[[World, list[str]], None]]] = MappingProxyType({
     'close': (f'[N, up to {MAX_EFFORT:g}]', _close),
     'open': ('', lambda world, words: world.command(Command(MAX_GAP))),
@@ -30,7 +30,7 @@ HELP = '; '.join(f'{name} {takes}'.strip() for name, (takes, _) in ORDERS.items(
 
 
 def obey(world: World, line: str) -> str:
-    """Execute the order in a line; return the state of the bench, or the error in the line."""
+    """Execute the order in ``line``, and return the state of the bench or an error message."""
     name, *words = line.split() or ['']
     try:
         if name:

@@ -1,4 +1,4 @@
-"""Action of the simulated gripper, control_msgs/action/ParallelGripperCommand, as on a real gripper."""
+"""Action server of the simulated gripper for control_msgs/action/ParallelGripperCommand, as on a real gripper."""
 
 import threading
 import time
@@ -15,33 +15,33 @@ from examples.simulated_gripper.world import World
 from tactile_node.errors import InputError
 
 ACTION = 'hand/gripper_cmd'
-LOOK_PERIOD = 0.02  #: period at which the state of the gripper is checked and published as feedback [s]
+LOOK_PERIOD = 0.02  #: period of checking the gripper's state and publishing it as feedback [s]
 
 
 def command_of(goal: ParallelGripperCommand.Goal) -> Command:
-    """Return the command in a goal. Raises InputError.
+    """Return the command for a goal. Raises InputError.
 
-    The position is the gap [m]. Speed [m/s] and effort [N] are used if they are given and not 0.
+    The position is the gap [m]. If the speed [m/s] or the effort [N] is missing or 0, the server uses the default.
     """
     asked = goal.command
     if len(asked.position) != 1 or list(asked.name) not in ([], [JOINT]):
         raise InputError('gripper command', expected=f'the position of {JOINT}', got=f'{list(asked.name)}, '
-                         f'{list(asked.position)}', remedy='Send one position, the gap in metres.')
+                         f'{list(asked.position)}', remedy='Send exactly one position, the gap in metres.')
     limits = {name: values[0] for name, values in (('velocity', asked.velocity), ('effort', asked.effort))
               if len(values) and values[0]}
     return Command(asked.position[0], **limits)
 
 
 class GripperServer:
-    """Action server. A new goal aborts the previous one; a cancelled goal stops the gripper, which keeps its place.
+    """Action server in which a new goal aborts the previous goal, and a cancelled goal stops the gripper in place.
 
-    Callbacks wait, so the node needs an executor with several threads.
+    The callbacks block, so the node needs an executor with several threads.
     """
 
     def __init__(self, node: Node, world: World):
         self._node, self._world = node, world
         self._latest: ServerGoalHandle | None = None
-        self._lock = threading.Lock()  # for the latest goal and its command
+        self._lock = threading.Lock()  # protects the latest goal and its command
         self._server = ActionServer(
             node, ParallelGripperCommand, ACTION, self._execute, goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted, cancel_callback=lambda handle: CancelResponse.ACCEPT,
@@ -77,7 +77,7 @@ class GripperServer:
             if is_latest:
                 self._world.stop_gripper()
         if is_latest:
-            time.sleep(DELAY + 2 * SETTLED)  # until the gripper has stopped
+            time.sleep(DELAY + 2 * SETTLED)  # wait until the gripper has stopped
         if handle.is_cancel_requested:
             handle.canceled()
         else:

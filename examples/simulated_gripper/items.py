@@ -12,37 +12,37 @@ from tactile_node.errors import InputError
 from tactile_node.grasp.gripper import Transform
 from tactile_node.simulator.world import Contact
 
-PAD_HEIGHT = 0.05  #: height of the pads' middle above the table when the hand is down [m]
+PAD_HEIGHT = 0.05  #: height of the pads' middle above the table while the hand is lowered [m]
 
 
 @dataclass(frozen=True)
 class Item:
-    """A rigid object in its own frame: a prism between two equal faces at z = ±length/2, or a ball.
+    """A rigid item, either a prism between two equal faces at z = ±length/2 or a ball, in its own frame.
 
-    The item lies with z along the closing direction and y down, or stands ``upright``.
+    The item lies with z along the closing direction and y down, or stands if ``upright``.
     """
 
-    face: Contact                 #: face about the origin [m]; for a ball, its silhouette
-    length: float = 0.05          #: [m]; 0 for a ball
+    face: Contact                 #: face around the origin, or the silhouette of a ball [m]
+    length: float = 0.05          #: length of the prism, or 0 for a ball [m]
     mass: float = 0.05            #: [kg]
-    friction: float = 0.5         #: friction coefficient, on the skin and on the table
+    friction: float = 0.5         #: friction coefficient on the skin and on the table
     strength: float = inf         #: force of a pad at which the item breaks [N]
     upright: bool = False
 
     @cached_property
     def rest(self) -> Transform:
-        """Initial pose in the world: the centre is between the pads of a hand that is down."""
+        """Initial pose in the world, with the centre between the pads of a lowered hand."""
         lying = np.array(((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
         return Transform(np.eye(3) if self.upright else lying, np.array((0.0, 0.0, PAD_HEIGHT)))
 
     @property
     def below(self) -> float:
-        """Distance by which the item extends below its centre at rest [m]."""
+        """Distance from the item's centre down to its lowest point, at rest [m]."""
         return self.length / 2 if self.upright else float(self.face.outline()[:, 1].max())
 
     @cached_property
     def planes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Outward normals (n, 3) of a prism's sides and faces, and their distances (n,) from the origin [m]."""
+        """Outward normals (n, 3) of all planes of a prism, and the distances (n,) of the planes from the origin [m]."""
         corners = self.face.outline()
         edges = np.roll(corners, -1, 0) - corners
         outward = np.column_stack((edges[:, 1], -edges[:, 0])) / np.hypot(*edges.T)[:, np.newaxis]
@@ -52,7 +52,7 @@ class Item:
 
 
 def _lying(shape: str, *lengths: float) -> Contact:
-    """Return a face with its base at the bottom."""
+    """Return the face of a lying item, with its base at the bottom."""
     return Contact(shape, lengths, x=0.0, y=0.0, angle=pi)
 
 
@@ -73,7 +73,7 @@ ITEMS: Mapping[str, Item] = MappingProxyType({
 
 
 def item_of(name: str) -> Item:
-    """Return the item with this name. Raises InputError for an unknown name."""
+    """Return the item called ``name``. Raises InputError for an unknown name."""
     if name not in ITEMS:
-        raise InputError('item', expected=f'one of {", ".join(ITEMS)}', got=repr(name), remedy='Use one of these.')
+        raise InputError('item', expected=f'one of {", ".join(ITEMS)}', got=repr(name), remedy='Name a listed item.')
     return ITEMS[name]

@@ -1,8 +1,8 @@
-"""The MuJoCo model: a table with a stand and an item on it, a hand that moves and turns, and two fingers with pads.
+"""MuJoCo model of a table, a stand, an item on the stand, and a movable hand with two fingers and pads.
 
-In the world frame, z points up and y along the closing direction of an unturned hand. The origin is on the table below
-the hand. The surface of each pad is the area of its taxels. The sites `left_pad` and `right_pad` have the frames of the
-pads.
+In the world frame, z points up and y points along the closing direction of an unturned hand. The origin of the world
+frame is on the table below the hand. The surface of each pad is exactly the area of its taxels. The sites `left_pad`
+and `right_pad` have the frames of the pads.
 """
 
 from bench.planner_world import PITCH, ROWS
@@ -12,11 +12,12 @@ from tactile_node.errors import InputError
 MAX_GAP = 0.09          #: largest gap [m]
 STEP = 0.001            #: time step of the physics [s]
 HALF_PAD = ROWS * PITCH / 2
-HALF_STAND = 0.0095     #: half of the stand's width [m]; an item that is displaced by 8 mm does not tip over
-#: contact parameters with which the skins yield by some tenths of a millimetre, like 4 mm of silicone
+#: half of the stand's width [m], chosen so that an item displaced by 8 mm does not tip over
+HALF_STAND = 0.0095
+#: Contact parameters that let the skins yield by some tenths of a millimetre, like 4 mm of silicone.
 SKIN = 'solref="0.009 1" solimp="0.8 0.8 0.001"'
-#: contact parameters for MuJoCo's sensor, which measures depth: 0.3 mm where 2 N press a block of 16 mm, as in
-#: pressures.py
+#: Contact parameters for MuJoCo's sensor, which measures depth. A block of 16 mm pressed by 2 N sinks in by 0.3 mm, as
+#: in pressures.py.
 DEEP_SKIN = 'solref="0.012 1" solimp="0.8 0.8 0.001"'
 
 _HAND = """
@@ -71,7 +72,7 @@ _MODEL = """
 
 
 def model_of(item: Item, has_sensors: bool = False) -> str:
-    """Return the model (MJCF) of the bench with an item on it.
+    """Return the model of the bench with an item, as MJCF.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def model_of(item: Item, has_sensors: bool = False) -> str:
     Raises
     ------
     InputError
-        If the sensors cannot detect the item.
+        Raised if the sensors cannot detect the item.
     """
     top = PAD_HEIGHT - item.below
     stand = '' if item.upright else (f'<geom name="stand" type="box" size="{HALF_STAND} {HALF_STAND} {top / 2}" '
@@ -101,7 +102,7 @@ def model_of(item: Item, has_sensors: bool = False) -> str:
 
 
 def _finger(name: str, way: int, skin: str, has_sensors: bool) -> str:
-    """Return one finger; ``way`` is its direction from the item along y.
+    """Return one finger, which lies in the direction ``way`` from the item along y.
 
     The rows of the left pad run downwards, and the rows of the right pad run upwards.
     """
@@ -111,7 +112,7 @@ def _finger(name: str, way: int, skin: str, has_sensors: bool) -> str:
 
 
 def _taxel_mesh() -> str:
-    """Return a mesh with a vertex at each taxel, row by row, in the frame of a pad."""
+    """Return a mesh in the frame of a pad, with a vertex at each taxel, row by row."""
     corners = [row * ROWS + column for row in range(ROWS - 1) for column in range(ROWS - 1)]
     faces = [f'{k} {k + 1} {k + ROWS} {k + 1} {k + ROWS + 1} {k + ROWS}' for k in corners]
     points = [f'{column * PITCH} {row * PITCH} 0' for row in range(ROWS) for column in range(ROWS)]
@@ -119,7 +120,7 @@ def _taxel_mesh() -> str:
 
 
 def _geom(item: Item) -> tuple[str, str]:
-    """Return the asset and the geom for the form of an item."""
+    """Return the asset and the geom for the shape of an item."""
     if not item.length or item.face.shape == 'circle':
         return '', _solid(item)
     corners = [f'{x} {y} {z}' for z in (-item.length / 2, item.length / 2) for x, y in item.face.outline()]
@@ -127,13 +128,13 @@ def _geom(item: Item) -> tuple[str, str]:
 
 
 def _solid(item: Item) -> str:
-    """Return the geom for a primitive form of MuJoCo."""
+    """Return the geom of an item, as one of MuJoCo's primitives."""
     if not item.length:
         return f'type="sphere" size="{item.face.reach}"'
     if item.face.shape == 'circle':
         return f'type="cylinder" size="{item.face.reach} {item.length / 2}"'
     if item.face.shape not in ('square', 'rectangle'):
-        raise InputError("item under MuJoCo's tactile sensor", expected='a ball, cylinder or box',
-                         got=item.face.shape, remedy='Choose another item, or do without that sensor.')
+        raise InputError("item for MuJoCo's tactile sensor", expected='a ball, cylinder or box',
+                         got=item.face.shape, remedy='Choose another item, or disable the sensor.')
     along, across = (item.face.dimensions * 2)[:2]
     return f'type="box" size="{along / 2} {across / 2} {item.length / 2}"'

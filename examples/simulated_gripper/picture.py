@@ -17,7 +17,7 @@ DPI = 110
 
 
 def draw_grasp(world: World, file: Path) -> None:
-    """Close the gripper, lift, and draw. Raises ConfigurationError if nothing can be rendered."""
+    """Close the gripper, lift, and draw the bench. Raises ConfigurationError if rendering fails."""
     world.command(Command(0.0))
     world.step(2.0)
     world.move(lift=LIFT)
@@ -26,7 +26,7 @@ def draw_grasp(world: World, file: Path) -> None:
 
 
 def draw(world: World, file: Path) -> None:
-    """Draw the present state of the bench. Raises ConfigurationError if nothing can be rendered."""
+    """Draw the current state of the bench. Raises ConfigurationError if rendering fails."""
     scene = render(world)
     figure = Figure(figsize=(13, 4.2), layout='constrained')
     axes = figure.subplot_mosaic([['scene', *SIDES]], width_ratios=(1.33, 1, 1))
@@ -40,19 +40,21 @@ def draw(world: World, file: Path) -> None:
         image = axes[side].imshow(values, cmap='inferno', vmin=0, vmax=most, extent=(low, high, high, low))
         axes[side].set_title(f'{side} pad, {world.forces[side]:.2f} N')
         axes[side].set_xlabel('x [mm]')
-    axes['right'].invert_yaxis()  # the rows of the right pad go up; now up is the same in both pictures
+    # the rows of the right pad run upwards, so invert y to make up the same in both pictures
+    axes['right'].invert_yaxis()
     axes['left'].set_ylabel('y [mm]')
     figure.colorbar(image, ax=list(axes.values())[1:], shrink=0.75).set_label('pressure [kPa]')
     figure.savefig(file, dpi=DPI)
 
 
 def render(world: World) -> np.ndarray:
-    """Return the scene, uint8, shape (*SIZE, 3)."""
+    """Return the rendered scene as a uint8 array of shape (*SIZE, 3)."""
     try:
         renderer = mujoco.Renderer(world.model, *SIZE)
-    except (mujoco.FatalError, AttributeError, ImportError, RuntimeError) as error:  # raised by its various back ends
+    # MuJoCo's rendering back ends raise different exceptions
+    except (mujoco.FatalError, AttributeError, ImportError, RuntimeError) as error:
         raise ConfigurationError('picture', expected='OpenGL', got=' '.join(str(error).split())[:120],
-                                 remedy='Without a screen, set MUJOCO_GL=egl (or osmesa).') from None
+                                 remedy='On a machine without a screen, set MUJOCO_GL=egl (or osmesa).') from None
     with renderer, world.lock:
         renderer.update_scene(world.data, camera='front')
         scene: np.ndarray = renderer.render().copy()

@@ -1,8 +1,9 @@
-"""Pressures on the taxels of a pad from a pressed item, by an elastic foundation as in bench/planner_world.py.
+"""Compute the taxel pressures under a pressed item, with an elastic foundation as in bench/planner_world.py.
 
-The physics gives force and pose. The distribution of the force over the taxels follows from the geometry. The physics
-presses an oblique face only at its edge, whereas the centre of these pressures is some millimetres farther in. The
-frame of a pad is as everywhere: origin at the centre of taxel (0, 0), x along columns, y along rows, z out of the skin.
+MuJoCo computes the force and the pose of the item, and this module distributes the force over the taxels by the
+geometry. In MuJoCo, an oblique face presses only with its edge, whereas the centre of the pressures computed here lies
+some millimetres farther inside. The pad frame has its origin at the centre of taxel (0, 0), x along the columns, y
+along the rows, and z out of the skin.
 """
 
 import numpy as np
@@ -13,7 +14,7 @@ from tactile_node.grasp.gripper import Transform
 
 
 def pressures(item: Item, pose: Transform, force: float) -> np.ndarray:
-    """Return the taxel values that an item causes.
+    """Return the taxel values under an item.
 
     Parameters
     ----------
@@ -27,7 +28,7 @@ def pressures(item: Item, pose: Transform, force: float) -> np.ndarray:
     Returns
     -------
     numpy.ndarray
-        Values [Pa], shape (rows, cols); all 0 without a force, or if the item is not in front of the pad.
+        Values (rows, cols) [Pa], which are all 0 without a force or if the item is not in front of the pad.
     """
     if force > 0 and np.isfinite(depth := -surface(item, pose)).any():
         return foundation(depth, force)[0]
@@ -35,13 +36,13 @@ def pressures(item: Item, pose: Transform, force: float) -> np.ndarray:
 
 
 def by_depth(depth: np.ndarray, force: float) -> np.ndarray:
-    """Return taxel values [Pa] in proportion to the depth of the item in each taxel; their sum gives the ``force``."""
+    """Return taxel values [Pa] in proportion to ``depth``, with a total force of ``force`` [N]."""
     total = float(depth.sum())
     return depth * (force / total / PITCH**2) if total > 0 else np.zeros(depth.shape)
 
 
 def surface(item: Item, pose: Transform) -> np.ndarray:
-    """Return z [m] of the item's near side over points of the skin, FINE per taxel both ways; inf without the item."""
+    """Return z of the item's near side at FINE points per taxel in each direction [m], or inf beside the item."""
     steps = ((np.arange(ROWS * FINE) + 0.5) / FINE - 0.5) * PITCH
     x, y = np.meshgrid(steps, steps)
     return _ball(item, pose, x, y) if not item.length else _prism(item, pose, x, y)
@@ -54,7 +55,7 @@ def _ball(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarr
 
 
 def _prism(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return where lines along z enter a convex body: at the last of the planes that face the pad."""
+    """Return z where lines along z enter the prism, by crossing the last of the planes that face the pad [m]."""
     normals, distances = item.planes
     normals = normals @ pose.rotation.T
     distances = distances + normals @ pose.translation

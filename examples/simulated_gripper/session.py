@@ -1,4 +1,4 @@
-"""The bench as a planner sees it: a CANopen skin behind a serial adapter, joint states, and the gripper's action."""
+"""Run the bench as a planner sees it, with a CANopen skin behind a serial adapter, joint states and an action."""
 
 import threading
 from importlib.util import find_spec
@@ -19,12 +19,12 @@ from tactile_node.skin.pads import make_pad
 
 NODE_IDS, LAYOUT, NODE = (32, 64), 'sim16x16.yaml', 'simulated_gripper'
 JOINT = 'hand_gap'
-STATE_PERIOD = 0.02  #: period of the joint states [s]
-HAS_ACTION = find_spec('control_msgs') is not None  #: if False, only `world` can command the gripper
+STATE_PERIOD = 0.02  #: publishing period of the joint states [s]
+HAS_ACTION = find_spec('control_msgs') is not None  #: without control_msgs, only `world` can command the gripper
 
 
 def joint_state(node: Node, world: World) -> JointState:
-    """Return gap [m], speed [m/s] and effort [N] as one joint."""
+    """Return the gap [m], its speed [m/s] and the effort [N] as the state of one joint."""
     state = JointState(name=[JOINT], position=[world.gap], velocity=[world.gap_speed], effort=[world.effort])
     state.header.stamp = node.get_clock().now().to_msg()
     return state
@@ -40,14 +40,14 @@ class Bench:
     world
         Simulated world.
     link
-        Symbolic link to the adapter's port; '' for none.
+        Path of a symbolic link to the adapter's port, or an empty string for no link.
     seed
-        Seed of the taxels' noise and of the wire's jitter.
+        Seed for the noise of the taxels and the jitter of the bus.
     """
 
     def __init__(self, world: World, link: str = '', seed: int = 0):
         self.world = world
-        self.failures: list[Exception] = []  #: errors of the bus
+        self.failures: list[Exception] = []  #: errors of the simulated bus
         pads = [make_pad(side, node_id, LAYOUT) for side, node_id in zip(SIDES, NODE_IDS)]
         sources = {side: self._source(side, np.random.default_rng((seed, number)))
                    for number, side in enumerate(SIDES)}
@@ -71,7 +71,7 @@ class Bench:
         self.world.stop()
 
     def report(self) -> str:
-        """Return the report of the wire, and the time that the physics left out because the machine was too slow."""
+        """Return a report about the bus, and the time that the simulation skipped because the machine was too slow."""
         wire = self.skin.report()
         return f'{wire.text() if wire else ""}\nphysics: {self.world.now:.1f} s, {self.world.left_out:.1f} s left out'
 
@@ -82,7 +82,7 @@ class Bench:
         if HAS_ACTION:
             from examples.simulated_gripper.gripper_server import GripperServer
             self._server = GripperServer(self._node, self.world)
-        self._executor = MultiThreadedExecutor(num_threads=4)  # several, because a goal blocks one of them
+        self._executor = MultiThreadedExecutor(num_threads=4)  # several threads, because each goal blocks one
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._executor.spin, name='executor')
         self._thread.start()

@@ -24,24 +24,24 @@ except ImportError:  # optional, because the package does not depend on MuJoCo
 SIDES = ('left', 'right')
 MAX_SHIFT = 0.008         #: largest displacement of an item from the aim of the hand [m]
 MAX_TURN = radians(15)    #: largest rotation of an item from the aim of the hand [rad]
-SPEEDS = {'x': 0.05, 'y': 0.05, 'lift': 0.05, 'yaw': 0.5}  #: speeds of the hand [m/s, rad/s]
+SPEEDS = {'x': 0.05, 'y': 0.05, 'lift': 0.05, 'yaw': 0.5}  #: speeds of the hand along its axes [m/s, rad/s]
 AXES = tuple(SPEEDS)
-LIFTED = 0.01             #: a held item counts as dropped if it touches the table after a lift of more than this [m]
+LIFTED = 0.01             #: a held item that touches the table after a lift of more than this counts as dropped [m]
 GRAVITY = 9.81            #: [m/s²]
 SHAKE_FREQUENCY = 6.0     #: [Hz]
 LOOP_PERIOD = 0.004       #: period of the thread [s]
 PULL_STIFFNESS = 2000.0   #: [N/m]
-MOST_BEHIND = 0.1         #: largest delay of the thread [s]; a longer delay is skipped
+MOST_BEHIND = 0.1         #: the thread skips the part of a delay beyond this [s]
 
 
 class Outcome(Enum):
-    """State of the item."""
+    """State of the item on the bench."""
 
-    FREE = 'free'          #: at most one pad touches the item, and it was not dropped
+    FREE = 'free'          #: at most one pad touches the item, which was not dropped
     GRIPPED = 'gripped'    #: both pads and also the table or the stand touch the item
     HELD = 'held'          #: only the two pads touch the item
-    DROPPED = 'dropped'    #: the item was held and then lost; it stays dropped until it is placed again
-    BROKEN = 'broken'      #: a pad pressed more than its strength; the item stays broken until it is placed again
+    DROPPED = 'dropped'    #: the item was held and then lost, and remains dropped until the next placement
+    BROKEN = 'broken'      #: a pad exceeded the item's strength, and the item remains broken until the next placement
 
 
 class Place(NamedTuple):
@@ -65,21 +65,21 @@ def random_place(seed: int) -> Place:
 class World:
     """One item on the bench. All methods are thread-safe.
 
-    In the frame of the left pad, the hand's x is x, its lift is -y and its y is z. A yaw turns the hand about -y.
+    The hand's axes x, lift and y are the axes x, -y and z of the left pad's frame. A yaw turns the hand about -y.
 
     Parameters
     ----------
     item
         Item on the bench.
     place
-        Place of the item.
+        Initial place of the item.
     has_sensors
         True to use the pressures of MuJoCo's tactile sensor, which cannot detect triangles.
 
     Raises
     ------
     ConfigurationError
-        If MuJoCo is not installed.
+        Raised if MuJoCo is not installed.
     """
 
     def __init__(self, item: Item, place: Place = AIM, has_sensors: bool = False):
@@ -89,18 +89,18 @@ class World:
         self.item, self._has_sensors = item, has_sensors
         self.model = mujoco.MjModel.from_xml_string(model_of(item, has_sensors))
         self.data = mujoco.MjData(self.model)
-        self.lock = threading.RLock()  #: held while the physics steps
+        self.lock = threading.RLock()  #: locked while the physics advances
         self._geom = self.model.geom('item').id
         self._skins = {self.model.geom(f'{side}_skin').id: side for side in SIDES}
         self._running: threading.Thread | None = None
         self._stopping = threading.Event()
-        self.left_out = 0.0            #: real time that the thread left out because the machine was too slow [s]
+        self.left_out = 0.0            #: real time that the thread skipped because the machine was too slow [s]
         self.place(place)
 
     def place(self, place: Place = AIM) -> None:
-        """Put the item back on its stand at ``place``, intact; the hand returns at once, open and lowered."""
+        """Put an intact item on the stand at ``place``, and reset the hand to open and lowered."""
         with self.lock:
-            now = self.now  # kept, because the time of the physics must continue
+            now = self.now  # keep the simulated time, which must not jump back
             mujoco.mj_resetData(self.model, self.data)
             self.data.time = now
             cos, sin = np.cos(place.yaw), np.sin(place.yaw)
@@ -111,54 +111,54 @@ class World:
             for side in SIDES:
                 self.data.joint(side).qpos = MAX_GAP / 2
             self.drive, self._goals, self._setpoints = Drive(), dict.fromkeys(AXES, 0.0), dict.fromkeys(AXES, 0.0)
-            self._shake = (0.0, 0.0)  # (acceleration [m/s²], time of its end [s])
+            self._shake = (0.0, 0.0)  # acceleration [m/s²] of the shake, and time of its end [s]
             self._pull = (0.0, 0.0, 0.0, 0.0)  # speed [m/s], force [N], initial height [m] and time [s] of the pull
             self.outcome, self._level, self.most_force = Outcome.FREE, 0.0, 0.0
             mujoco.mj_forward(self.model, self.data)
             self._observe()
 
     def command(self, command: Command) -> None:
-        """Give the gripper a command, which it executes after DELAY."""
+        """Send a command to the gripper, which executes the command after DELAY."""
         with self.lock:
             self.drive.put(self.now, command)
 
     def stop_gripper(self) -> None:
-        """Stop the gripper after DELAY; it keeps its place and its force."""
+        """Stop the gripper after DELAY, with its position and its force unchanged."""
         with self.lock:
             self.drive.put(self.now, None)
 
     def move(self, **goals: float) -> None:
-        """Move the hand to ``x``, ``y``, ``lift`` [m] and ``yaw`` [rad] at its SPEEDS. Raises InputError otherwise."""
+        """Move the hand to ``x``, ``y``, ``lift`` [m] and ``yaw`` [rad] at SPEEDS. Raises InputError."""
         if not goals.keys() <= SPEEDS.keys() or not np.isfinite([*goals.values()]).all():
             raise InputError('move of the hand', expected=f'finite {", ".join(AXES)}', got=f'{goals}',
-                             remedy='Use these names.')
+                             remedy='Use only these names, with finite values.')
         with self.lock:
             self._goals |= goals
 
     def shake(self, times_gravity: float = 2.0, seconds: float = 1.0) -> None:
-        """Shake the hand up and back, with an acceleration of up to ``times_gravity``."""
-        periods = max(1, round(seconds * SHAKE_FREQUENCY))  # whole periods, so that the motion ends at rest
+        """Shake the hand up and down, with an acceleration of up to ``times_gravity`` times gravity."""
+        periods = max(1, round(seconds * SHAKE_FREQUENCY))  # whole periods let the motion end at rest
         with self.lock:
             self._shake = (times_gravity * GRAVITY, self.now + periods / SHAKE_FREQUENCY)
 
     def pull(self, speed: float, force: float) -> None:
-        """Pull the item down by a spring whose end sinks at ``speed`` [m/s], with at most ``force`` [N]."""
+        """Pull the item down with a spring whose end sinks at ``speed`` [m/s], but with at most ``force`` [N]."""
         with self.lock:
             self._pull = (speed, force, float(self.data.body('item').xpos[2]), self.now)
 
     @property
     def is_moving(self) -> bool:
-        """True if the hand moves or is shaken."""
+        """True while the hand moves or is shaken."""
         return self._goals != self._setpoints or self.now < self._shake[1]
 
     @property
     def now(self) -> float:
-        """Time of the physics [s]."""
+        """Simulated time [s]."""
         return float(self.data.time)
 
     @property
     def gap(self) -> float:
-        """Distance between the skins [m]."""
+        """Distance between the skins of both pads [m]."""
         return float(sum(self.data.joint(side).qpos[0] for side in SIDES))
 
     @property
@@ -185,7 +185,7 @@ class World:
             return pad.inverse @ Transform(body.xmat.reshape(3, 3).copy(), body.xpos.copy())
 
     def off_hand(self) -> Place:
-        """Return the place of the item relative to the middle between the pads, along the hand's axes."""
+        """Return the item's place relative to the middle between the pads, in the hand's frame."""
         with self.lock:
             hand, body = self.data.body('hand'), self.data.body('item')
             x, y, _ = hand.xmat.reshape(3, 3).T @ (body.xpos - hand.xpos)
@@ -193,7 +193,7 @@ class World:
         return Place(float(x), float(y), float(np.arctan2(turn[1, 0], turn[0, 0])))
 
     def pressures(self, side: str) -> np.ndarray:
-        """Return the taxel values of the left or the right pad [Pa], shape (rows, cols)."""
+        """Return the taxel values of the pad on ``side``, (rows, cols) [Pa]."""
         with self.lock:
             pose, force = self.item_in(side), self._forces[side]
             if self._has_sensors:
@@ -207,7 +207,7 @@ class World:
                 self._step()
 
     def start(self) -> None:
-        """Step in a thread in real time until `stop`."""
+        """Advance the physics in real time, in a thread that runs until `stop` is called."""
         self._stopping.clear()
         self._running = threading.Thread(target=self._run, name='physics', daemon=True)
         self._running.start()
@@ -244,7 +244,7 @@ class World:
         self._observe()
 
     def _shaken(self) -> float:
-        """Return the present distance of the hand from its rest position due to shaking [m]."""
+        """Return the current displacement of the hand due to shaking [m]."""
         acceleration, until = self._shake
         if self.now >= until:
             return 0.0
@@ -252,13 +252,13 @@ class World:
         return acceleration / rate**2 * (1 - float(np.cos(rate * (until - self.now))))
 
     def _pulled(self) -> float:
-        """Return the force that pulls the item down at present [N]."""
+        """Return the force that currently pulls the item down [N]."""
         speed, most, height, begin = self._pull
         stretched = float(self.data.body('item').xpos[2]) - height + speed * (self.now - begin)
         return min(max(PULL_STIFFNESS * stretched, 0.0), most)
 
     def _observe(self) -> None:
-        """Sum the normal forces of the contacts, and update the outcome."""
+        """Sum the normal forces of all contacts, and update the outcome."""
         self._forces, is_on_table, wrench = dict.fromkeys(SIDES, 0.0), False, np.zeros(6)
         for number in range(self.data.ncon):
             geoms = set(self.data.contact[number].geom.tolist())
