@@ -84,7 +84,7 @@ class Motor:
         self.opening = self._target = opening
 
     def fall_silent(self, goes_on=False):
-        self._bench.executor.remove_node(self.node)
+        self._bench.remove(self.node)
         self.is_silent, self.goes_on = True, goes_on
 
     def wake(self):
@@ -169,6 +169,7 @@ class Pads:
     def __init__(self, bench, motor, width=0.04, off=0.0, stiffness=1000.0):
         self._bench, self._motor = bench, motor
         self._steps = 0
+        self.steps = STEPS  #: Number of periods of the motor in a period of the frames.
         self.width, self.off, self.stiffness = width, off, stiffness
         self.change = lambda message: message
         self.is_silent, self.knows_gap = False, True
@@ -182,7 +183,7 @@ class Pads:
     def step(self):
         self.strongest = max(self.strongest, *self.forces())
         self._steps += 1
-        if self._steps % STEPS == 0 and not self.is_silent:
+        if self._steps % self.steps == 0 and not self.is_silent:
             self._publish()
 
     def _publish(self):
@@ -270,8 +271,8 @@ class GripperBench(TimedBench):
     """
 
     def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, pads=(),
-                 has_node=True):
-        super().__init__(stack, STEP, is_real_time=pads is None or not has_node)
+                 has_node=True, executor=None):
+        super().__init__(stack, STEP, executor, is_real_time=pads is None or not has_node)
         self.interface = gripper_interface(kind, '')
         self.motor = Motor(self, self.interface, scale, offset)
         self.pads = None if pads is None else Pads(self, self.motor, **dict(pads))

@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import Gripper, PadPose
+from tactile_node.grasp.opening import GapSource, Opening
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_transforms import publish_pad_frames
 from tactile_node.ros.opening_messages import quaternion
@@ -43,7 +44,7 @@ class FrameGripper(RosBench):
         super().__init__(stack)
         self.beside = self.add('beside')
 
-    def make(self, **parameters):
+    def make(self, source=None, **parameters):
         overrides = [Parameter(name, value=value)
                      for name, value in {'publish_pad_frames': True, **POSES, **parameters}.items()]
         self.node = self.add(rclpy.create_node('grasp', parameter_overrides=overrides))
@@ -51,8 +52,8 @@ class FrameGripper(RosBench):
         settings = read(self.node, GraspNodeSettings)
         gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
                           PadPose(settings.right_xyz, settings.right_rpy))
-        source = make_opening_source(self.node, settings, gripper.closing)
-        publish_pad_frames(self.node, settings, gripper, source)
+        publish_pad_frames(self.node, settings, gripper,
+                           source or make_opening_source(self.node, settings, gripper.closing))
 
     def listen(self, kind, topic, qos):
         """Return a list that collects each message as {frame: transform}."""
@@ -150,6 +151,24 @@ def test_at_an_opening_from_tf_they_come_beside_the_fingers_and_do_not_feed_them
     check(of_pads()[-1], 0.030)
     # The node publishes one message per measurement, and no message after the last measurement.
     assert len(of_pads()) <= 10
+
+
+def test_a_measurement_that_is_read_slowly_is_published_once(gripper, tf_message):
+    measured = time.monotonic()
+    reads = []
+
+    class SlowSource:
+        def current(self):
+            reads.append(time.monotonic())
+            if len(reads) % 2:
+                time.sleep(0.02)
+            return Opening(0.03, GapSource.TF, time.monotonic() - measured)
+
+    gripper.make(SlowSource(), gap_source='tf', gap_frames=['left_finger', 'right_finger'])
+    heard = gripper.listen(tf_message, '/tf', TF_QOS)
+    gripper.until(lambda: len(reads) >= 8)
+    gripper.wait(0.1)
+    assert len(heard) <= 1
 
 
 @pytest.mark.parametrize('parameters', [

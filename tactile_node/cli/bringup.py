@@ -58,7 +58,7 @@ def parameter_option(row: Parameter) -> Option:
     Examples
     --------
     >>> parameter_option(next(row for row in table(GraspNodeSettings) if row.name == 'gap_offset')).description
-    'opening at reading 0 [m] (gap_source joint_states, tf) (default: 0)'
+    'opening when the reading is 0 [m] (gap_source joint_states, tf) (default: 0)'
     """
     default = row.default if isinstance(row.default, tuple) else (row.default,)
     kind = type(default[0])

@@ -49,7 +49,7 @@ class PadTransforms:
         self._pads = tuple(zip(map(frame_name, settings.frames_of_pads), (gripper.left, gripper.right)))
         self._source = source
         self._gap = math.nan  # opening in the last published transforms [m]
-        self._measured = -math.inf  # time of the measurement in the last published transforms [s]
+        self._measured = -math.inf  # latest possible time of the measurement in the last published transforms [s]
         is_static = settings.gap_source == PARAMETER
         self._publisher = node.create_publisher(self._message, '/tf_static' if is_static else '/tf',
                                                 TF_STATIC_QOS if is_static else TF_QOS)
@@ -63,9 +63,12 @@ class PadTransforms:
             self._publish(gap, 0.0)
 
     def _publish_moving(self) -> None:
-        now, opening = time.monotonic(), self._source.current()
-        if not math.isnan(opening.gap) and now - opening.age > self._measured + SAME_MEASUREMENT:
-            self._measured = now - opening.age
+        # The thread may pause while it reads the opening. Compare the earliest possible time of this measurement with
+        # the latest possible time of the last one, so that no measurement is published twice.
+        before = time.monotonic()
+        opening = self._source.current()
+        if not math.isnan(opening.gap) and before - opening.age > self._measured + SAME_MEASUREMENT:
+            self._measured = time.monotonic() - opening.age
             self._publish(opening.gap, opening.age)
 
     def _publish(self, gap: float, age: float) -> None:

@@ -87,6 +87,7 @@ class TouchClient:
     def __init__(self, node: Node, action: str = 'touch_gripper/gripper_cmd', *, action_type: str = PARALLEL,
                  joint: str = '', steady: Callable[[], float] = time.monotonic):
         self._node, self._steady = node, steady
+        self._action = action
         self._interface = gripper_interface(action_type, joint)
         # goals to which the caller still has a reference
         self._goals: WeakValueDictionary[bytes, TouchGoal] = WeakValueDictionary()
@@ -139,7 +140,7 @@ class TouchClient:
         end = self._steady() + timeout
         while (ending := goal.ending) is None:
             if self._steady() > end:
-                raise TimeoutError(f'the goal has not ended within {timeout:g} s')
+                raise TimeoutError(f'{self._action}: the goal has not ended within {timeout:g} s')
             if self._node.executor is None or self._node not in self._node.executor.get_nodes():
                 rclpy.spin_once(self._node, timeout_sec=LOOK_PERIOD)
             else:
