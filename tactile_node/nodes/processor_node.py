@@ -52,7 +52,7 @@ class ProcessorNode(StageNode):
     Raises
     ------
     ConfigurationError
-        Raised if a parameter is wrong.
+        Raised if a parameter is invalid.
     """
 
     def __init__(self, hand_over: HandOver | None = None, **options: Any):
@@ -115,7 +115,7 @@ def thresholds_of(settings: ProcessorSettings) -> PressThresholds | None:
 
 
 def scales_of(settings: ProcessorSettings) -> dict[str, UnitScale]:
-    """Return, for each unit, a check that the readings have a plausible scale.
+    """Return a check for each unit that the readings have a plausible scale.
 
     With fixed thresholds, the readings may have any scale, so the function returns no checks.
     """
