@@ -104,7 +104,7 @@ class BusDiagnostics:
 
 
 def unconfigured(health: BusHealth) -> tuple[Finding, ...]:
-    """Return the finding about a driver without a bus, which has failed or is not configured."""
+    """Return the finding about a driver that has no bus, because it has failed or is not configured."""
     if health.failure is not None:
         return (Finding(DiagnosticStatus.ERROR, failure_text(health.failure)),)
     return (Finding(DiagnosticStatus.STALE, 'not configured'),)

@@ -25,7 +25,7 @@ def motion_message(motion: Motion, stamp: float) -> ContactMotion:
 
 
 def current_motion(motion: ContactMotion, age: float, is_current: bool) -> ContactMotion:
-    """Return a motion whose last event is older by ``age`` [s], or an unknown motion if ``is_current`` is false."""
+    """Return ``motion`` with ``age`` [s] added to its last event, or an unknown motion if ``is_current`` is false."""
     if not is_current:
         return motion_message(Motion(), 0.0)
     return ContactMotion(
