@@ -85,7 +85,7 @@ class ClassifierNode(StageNode):
             self._contacts.postpone(lambda: self._publish_more(contact, result, shape.bare, arrival))
 
     def _publish_more(self, contact: PadContact, result: StreamedContact, bare: ContactShape, arrival: Arrival) -> None:
-        """Publish `shapes` and `markers`, for which no other stage waits."""
+        """Publish `shapes` and `markers`, which no other stage waits for."""
         if is_wanted(self._all_shapes, self._settings.lossless):
             self._publish_all(contact, result, arrival)
         self._view.publish(contact, bare)

@@ -266,8 +266,8 @@ class DriverNode(LifecycleNode):
 
 def _not_answered(pad: str) -> ConfigurationError:
     return ConfigurationError(
-        'parameters replay and lossless', expected='the processor and the classifier of each pad in the process of the '
-        'driver, because a lossless replay waits for their results',
+        'parameters replay and lossless', expected='the processor and the classifier of each pad in the same process '
+        'as the driver, because a lossless replay waits for their results',
         got=f'none for pad {pad!r}, or a remapped topic between them',
         remedy='Start all nodes with `tactile bringup --replay`, or set lossless to false.')
 

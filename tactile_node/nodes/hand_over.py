@@ -374,7 +374,7 @@ class StageOutput(Generic[Result]):
 
 
 class StageNode(Node):
-    """A node that ends its stage inputs and outputs when the node is destroyed."""
+    """A node that ends its stage inputs and outputs when it is destroyed."""
 
     stages: 'tuple[StageInput | StageOutput, ...]' = ()  #: empty if the constructor failed
 

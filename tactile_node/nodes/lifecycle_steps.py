@@ -114,7 +114,7 @@ def reject_invalid_transitions(node: LifecycleNode) -> None:
         try:
             return change(request, response)
         except RuntimeError as error:
-            node.get_logger().error(f'change_state: expected a transition that the present state allows, got '
+            node.get_logger().error(f'change_state: expected a transition that the current state allows, got '
                                     f'{request.transition.label or request.transition.id} ({error}). '
                                     'Call ~/get_available_transitions to list them.')
             response.success = False

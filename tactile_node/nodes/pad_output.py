@@ -43,7 +43,7 @@ class PadOutput:
     age : callable
         Function that returns the age of a frame from its stamp [s]; see `FrameSource.age`.
     layer : Layer or None
-        Layer of a calibrated skin, or None if the layer is not known.
+        Elastic layer of a calibrated skin, or None if the layer is not known.
     """
 
     def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,

@@ -94,7 +94,7 @@ class ProcessorNode(StageNode):
             self._taxels.postpone(lambda: self._publish_more(contact, arrival))
 
     def _publish_more(self, contact: PadContact, arrival: Arrival) -> None:
-        """Publish features, images and wrenches, for which no other stage waits."""
+        """Publish features, images and wrenches, which no other stage waits for."""
         if is_wanted(self._features, self._settings.lossless):
             features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
             features.age = age_message(arrival.age(time.monotonic()))

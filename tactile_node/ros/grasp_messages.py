@@ -83,7 +83,7 @@ def _of_pressure(message: ContactShape) -> tuple[float, bool]:
 
 
 def _pitch(message: ContactShape) -> float:
-    """Return the pitch of the pad [m], or 0 without a contact."""
+    """Return the pitch of the pad [m], or 0 if there is no contact."""
     return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
 
 

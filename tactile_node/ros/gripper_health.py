@@ -8,7 +8,7 @@ from tactile_node.grasp.closing import Outcome
 from tactile_node.ros.message_health import MessageCounts, several_text, status_of
 from tactile_skin.msg import Grasp
 
-#: outcomes after which somebody should check the gripper or its wiring
+#: outcomes after which the user should check the gripper or its wiring
 FAILURES = (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT, Outcome.NOT_STOPPED, Outcome.NOT_OPENING)
 
 

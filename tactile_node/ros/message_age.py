@@ -173,7 +173,7 @@ NOT_KNOWN_SEC = 2**31 - 1  #: `sec` of an unknown age, which is 68 years and abo
 
 
 class AgedMessage(Protocol):
-    """Interface of a message of the processing chain."""
+    """Interface that every message of the processing chain provides."""
 
     header: Header
     age: Duration

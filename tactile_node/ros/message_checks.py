@@ -46,7 +46,7 @@ Check = Callable[[Message], RejectReason | None]
 
 
 def check_contact(message: Contact) -> RejectReason | None:
-    """Check the taxels as `check_taxel_array` does, and the consistency of labels, counts and state."""
+    """Check the taxels as `check_taxel_array` does, then check that labels, counts and state are consistent."""
     return (check_grid(message.rows, message.cols, len(message.values), len(message.status), len(message.labels))
             or (RejectReason.TOO_LARGE if len(message.contact_taxels) > len(message.labels) else None)
             or check_scale(message.unit, message.pitch)

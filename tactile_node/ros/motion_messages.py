@@ -48,7 +48,7 @@ def event_message(event: Event, header: Header, sequence: int, age: Duration) ->
 
 
 def check_motion(message: ContactMotion) -> RejectReason | None:
-    """Check the codes, and that only a sliding contact has a speed and only a turning contact has a rate."""
+    """Check the codes. Only a sliding contact may have a speed, and only a turning contact a rate."""
     if (message.moving > MOST_MOVING or message.moving & Moving.STILL and message.moving != Moving.STILL
             or message.observable > MOST_OBSERVABLE or message.last_event > max(EventKind)):
         return RejectReason.UNKNOWN_CODE

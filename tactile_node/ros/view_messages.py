@@ -110,7 +110,7 @@ class ContactMarkers:
 
 
 def _outline(contact: Contact, shape: ContactShape) -> Marker | None:
-    """Return the fitted outline as a closed line, or None without a fit."""
+    """Return the fitted outline as a closed line, or None if there is no fit."""
     if not shape.fit_valid or not shape.outline.points:
         return None
     marker = _marker(Marker.LINE_STRIP, LINE_WIDTH * contact.pitch)
