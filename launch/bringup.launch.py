@@ -2,8 +2,9 @@
 
 If the argument `gripper_action` is given, the launch file also starts the gripper node, as a second process.
 
-Each process checks the values of its own arguments, so a wrong value ends only that process, and the other nodes of the
-robot keep running. The launch file checks only the names of the arguments, because launch silently accepts any name.
+Each process checks the values of its own arguments, so an invalid value ends only that process, and the other nodes of
+the robot keep running. The launch file checks only the names of the arguments, because launch silently accepts any
+name.
 """
 
 import os

@@ -181,7 +181,7 @@ def test_frames_that_cannot_be_published_are_refused(gripper, tf_message, parame
 
 @pytest.mark.parametrize('frames', [['pad'], ['a', 'b', 'c']])
 def test_frames_for_another_number_of_pads_are_refused(gripper, frames):
-    with pytest.raises(ConfigurationError, match='pad_frames: expected a frame of the left .*got .* Name both'):
+    with pytest.raises(ConfigurationError, match='pad_frames: expected one frame for the left .*got .* Name both'):
         gripper.make(pad_frames=frames)
 
 

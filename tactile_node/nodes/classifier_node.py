@@ -25,7 +25,7 @@ from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Contact, ContactEvent, ContactShape, ContactShapes
 
-EVENT_DEPTH = 10  #: Queue depth of the publisher of events [messages].
+EVENT_DEPTH = 10  #: Queue depth of the event publisher [messages].
 
 
 class ClassifierNode(StageNode):
@@ -45,7 +45,7 @@ class ClassifierNode(StageNode):
     Raises
     ------
     ConfigurationError
-        Raised if a parameter is wrong.
+        Raised if a parameter is invalid.
     """
 
     def __init__(self, hand_over: HandOver | None = None, **options: Any):
@@ -85,7 +85,7 @@ class ClassifierNode(StageNode):
             self._contacts.postpone(lambda: self._publish_more(contact, result, shape.bare, arrival))
 
     def _publish_more(self, contact: PadContact, result: StreamedContact, bare: ContactShape, arrival: Arrival) -> None:
-        """Publish `shapes` and `markers`, for which no other stage waits."""
+        """Publish `shapes` and `markers`, which no other stage waits for."""
         if is_wanted(self._all_shapes, self._settings.lossless):
             self._publish_all(contact, result, arrival)
         self._view.publish(contact, bare)
@@ -104,7 +104,7 @@ class ClassifierNode(StageNode):
 
 
 def _age(arrival: Arrival) -> Duration:
-    """Return the present age of a result that was computed from the contact of ``arrival``."""
+    """Return the current age of a result computed from the contact that came with ``arrival``."""
     return age_message(arrival.age(time.monotonic()))
 
 

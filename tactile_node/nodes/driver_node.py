@@ -1,8 +1,8 @@
-"""The skin driver is a lifecycle node that reads one CAN bus, or replays a recorded log in place of a bus.
+"""The skin driver is a lifecycle node that reads one CAN bus, or replays a recorded log instead.
 
-The transition configure opens the bus, checks the identity of the devices and configures them. The transition activate
-sends NMT start to the devices and begins to send SYNC. The transition deactivate sets the devices to PRE-OPERATIONAL.
-The transition cleanup closes the bus.
+The configure transition opens the bus, checks the identity of the devices and configures them. The activate transition
+sends NMT start to the devices and starts sending SYNC. The deactivate transition sets the devices to PRE-OPERATIONAL.
+The cleanup transition closes the bus.
 """
 
 import logging
@@ -33,14 +33,14 @@ from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import PrimaryState
 
-#: Parameters that configure reads: all that are not live, except autostart and wait_at_start, which are read at start.
+#: Parameters read by configure: all parameters that are not live, except autostart and wait_at_start (read at startup).
 READ_AT_CONFIGURE = frozenset(each.name for each in table(DriverSettings) if not each.properties.live
                               and each.name not in ('autostart', 'wait_at_start'))
 logger = logging.getLogger(__name__)
 
 #: Errors after which the driver tries to configure again, if the parameter wait_at_start is true.
 WAITED_FOR = (BusError, DeviceAbsentError)
-#: Delay between the transition `shutdown` and the end of the process, in which rclpy sends the response [s].
+#: Delay between the `shutdown` transition and the end of the process, during which rclpy sends the response [s].
 LAST_ANSWER = 0.3
 RETRY_PERIOD = 0.5  #: Time between two attempts to configure while the driver waits for a bus or device at start [s].
 
@@ -69,7 +69,7 @@ class DriverNode(LifecycleNode):
         self.source: FrameSource | None = None  #: the bus or the log, or None while the driver is unconfigured
         self._pads: dict[str, PadOutput] = {}
         self._hand_over = hand_over or HandOver()
-        # functions that release the resources of configure, called in reverse order
+        # functions that release the resources acquired by configure, called in reverse order
         self._owned: list[Callable[[], object]] = []
         self._steps = LifecycleSteps(self)
         self._stop_requested: threading.Event | None = None
@@ -104,7 +104,7 @@ class DriverNode(LifecycleNode):
                 raise self._steps.failure('activate')
 
     def _is_configured_at_start(self, stop: threading.Event | None) -> bool:
-        """Configure the node. With ``stop``, repeat the attempt until it succeeds or ``stop`` is set.
+        """Configure the node. If ``stop`` is given, repeat the attempt until it succeeds or ``stop`` is set.
 
         Returns False if ``stop`` was set, or if a lifecycle manager configured the node in the meantime.
         """
@@ -220,7 +220,7 @@ class DriverNode(LifecycleNode):
         return clock.show
 
     def _refuse_fixed(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse changes to parameters that configure has read, because the driver uses them until cleanup."""
+        """Refuse changes to parameters that were read by configure, because the driver uses them until cleanup."""
         fixed = [each.name for each in parameters if each.name in READ_AT_CONFIGURE]
         if self._settings is not None and fixed:
             return SetParametersResult(successful=False, reason=f'{", ".join(fixed)}: read at configure. Clean up the '
@@ -266,8 +266,8 @@ class DriverNode(LifecycleNode):
 
 def _not_answered(pad: str) -> ConfigurationError:
     return ConfigurationError(
-        'parameters replay and lossless', expected='the processor and the classifier of each pad in the process of the '
-        'driver, because a lossless replay waits for their results',
+        'parameters replay and lossless', expected='the processor and the classifier of each pad in the same process '
+        'as the driver, because a lossless replay waits for their results',
         got=f'none for pad {pad!r}, or a remapped topic between them',
         remedy='Start all nodes with `tactile bringup --replay`, or set lossless to false.')
 

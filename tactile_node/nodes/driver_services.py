@@ -27,9 +27,9 @@ LONGEST = 60.0
 class Zeroing(NamedTuple):
     """The pads to tare and the source of their frames."""
 
-    pads: Mapping[str, TaredPad]  #: pads to tare, by name of the pad
+    pads: Mapping[str, TaredPad]  #: pads to tare, by pad name
 
-    #: Returns the highest reading at which a taxel of the named pad counts as not pressed, in the unit of the pad.
+    #: Returns the highest reading at which a taxel of the named pad still counts as not pressed, in the pad's unit.
     #: Raises ConfigurationError if the pad has no zero.
     limit: Callable[[str], float]
     frame_period: float  #: time between two taxel frames [s]
@@ -64,7 +64,7 @@ class TareService:
             pad.expect()
 
     def give_up(self, why: str) -> None:
-        """Refuse tare requests from now on, including a running one. ``why`` describes the driver in the refusal."""
+        """Refuse a running tare request and all later ones. The refusal describes the driver as ``why``."""
         for pad in self._pads():
             pad.give_up(why)
 
@@ -94,7 +94,7 @@ class TareService:
     def _ready(self) -> Zeroing:
         if self._zeroing is None:
             raise TareRefusedError('tare', TareRefusal.DRIVER_NOT_ACTIVE, expected='a configured driver',
-                                   got='one that is not configured', remedy='Configure and activate the driver first.')
+                                   got='an unconfigured driver', remedy='Configure and activate the driver first.')
         if self._thread is not None and self._thread.is_alive():
             raise TareRefusedError('tare', TareRefusal.BUSY, expected='one request at a time',
                                    got='a second request', remedy='Wait for the answer to the first request.')
@@ -136,7 +136,7 @@ def _tared(zeroing: Zeroing, name: str, count: int, request: Tare.Request, respo
                                  remedy='Leave pads empty to tare all pads.')
     pad, frames = zeroing.pads[name], request.frames or FRAMES
     given = frames, zeroing.limit(name), 1 + 2 * frames * zeroing.frame_period
-    # on_device takes frames three times, each with the same timeout
+    # on_device collects frames three times, each with the same timeout
     measurements = 3 if request.on_device else 1
     if measurements * count * given[2] > LONGEST:
         raise TareRefusedError('tare', TareRefusal.TOO_MANY_FRAMES,
@@ -169,7 +169,7 @@ def serve_faults(node: Node, path: str, faults: Callable[[], Mapping[str, Faulty
     path : str
         File to write. If the path is '', the service refuses every request.
     faults : callable
-        Function that returns the faulty taxels by name of the pad.
+        Function that returns the faulty taxels of each pad, by pad name.
     """
     def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:

@@ -19,12 +19,12 @@ HEARTBEATS_LOST = 2
 def driver_pads(settings: DriverSettings) -> tuple[PadSettings, ...]:
     """Return the pads of the driver. For a live bus, the pads include the object dictionaries from their EDS files.
 
-    Raises ConfigurationError if the parameters, a layout or an EDS cannot be used.
+    Raises ConfigurationError if the parameters, a layout or an EDS file cannot be used.
     """
     if not settings.pads:
         raise ConfigurationError('parameter pads', expected='a name for each pad', got='none', remedy='Name a pad.')
     pads = make_pads(settings.layouts, settings.node_ids, settings.pads)
-    return pads if settings.replay else with_dictionaries(pads, settings.eds)  # the pads of a log need no EDS
+    return pads if settings.replay else with_dictionaries(pads, settings.eds)  # pads of a log need no EDS file
 
 
 def pad_frames(settings: DriverSettings, pads: Sequence[PadSettings]) -> list[str]:
@@ -58,7 +58,7 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
     on_frame : callable
         Function that the source calls with the name of the pad for each taxel frame.
     on_time : callable or None
-        Function that a log calls with the time that the replay has reached [s].
+        Function that a log calls with the current replay time [s].
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Detect, by their heartbeats, other processes that command the same gripper or have the same name.
+"""Use heartbeats to detect other processes that command the same gripper or have the same name.
 
-The ROS graph is no substitute for heartbeats, because it shows a killed process for another 20 s, and a hung process
-for ever.
+The ROS graph is no substitute for heartbeats, because it shows a killed process for another 20 s and a hung process
+indefinitely.
 """
 
 import logging
@@ -43,9 +43,9 @@ class DuplicateWatch:
     def __init__(self, node: Node, topics: Sequence[str], *, steady: Callable[[], float]):
         self._node, self._steady = node, steady
         self._identity = UUID(uuid=list(uuid4().bytes))
-        self._heard: dict[str, float] = {}  # topic -> time at which another identity was last heard [s]
+        self._heard: dict[str, float] = {}  # topic -> time when another process was last heard [s]
         self._ran = -math.inf  # time of the last heartbeat of this process [s]
-        self._listens_since = math.inf  # time since which this process has listened without a pause [s]
+        self._listens_since = math.inf  # time when this process started to listen without interruption [s]
         self._logged: tuple[str, ...] = ()
         self._publishers = [node.create_publisher(UUID, topic, QoSProfile(depth=10)) for topic in topics]
         for publisher in self._publishers:
@@ -60,7 +60,7 @@ class DuplicateWatch:
 
     @property
     def has_listened(self) -> bool:
-        """True if this process has listened without a pause for at least LISTEN_TIME."""
+        """True if this process has listened without interruption for at least LISTEN_TIME."""
         now = self._steady()
         return now - self._ran <= HOLD_TIME and now - self._listens_since >= LISTEN_TIME
 

@@ -30,7 +30,8 @@ from tactile_node.ros.shape_messages import PadShape
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
-#: If a stamp goes back by more than this time, another log is being replayed [s]. The pads of one log differ by less.
+#: If a stamp goes back by more than this time, another log is being replayed [s]. The stamps of the pads in one log
+#: differ by less.
 ANOTHER_LOG = 60.0
 
 
@@ -38,8 +39,8 @@ class GraspNode(StageNode):
     """Publishes `grasp` and `grasp_sides` for every usable message on `<pad>/shape` from its two pads.
 
     When a pad stops publishing shapes, the node publishes both topics once more, so that the last grasp does not look
-    current. With the action `~/wait_for_grasp` or the service `~/check_grasp`, a client learns whether the grasp meets
-    its requirement.
+    current. A client uses the action `~/wait_for_grasp` or the service `~/check_grasp` to find out whether the grasp
+    meets its requirement.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ class GraspNode(StageNode):
     Raises
     ------
     ConfigurationError
-        Raised if a parameter is wrong.
+        Raised if a parameter is invalid.
     """
 
     def __init__(self, hand_over: HandOver | None = None, *, steady: Callable[[], float] = time.monotonic,
@@ -114,7 +115,7 @@ class GraspNode(StageNode):
             self._await_next(side)
 
     def _now(self) -> float:
-        """Return the present time [s]: the latest stamp in a lossless replay, otherwise the steady clock."""
+        """Return the current time [s]: the latest stamp in a lossless replay, otherwise the steady clock."""
         return self._stamp if self._settings.lossless else self._steady()
 
     def _await_next(self, side: str) -> None:
@@ -128,7 +129,7 @@ class GraspNode(StageNode):
         self._publish_without_result(self._now())
 
     def destroy_node(self) -> None:
-        """First publish a grasp without results, because the last grasp would otherwise look valid."""
+        """Publish a grasp without results before the node ends, because the last grasp would otherwise look valid."""
         if self.context.ok() and self._arrivals:
             self._publish_without_result(math.inf)
         if self._requests is not None:
@@ -136,7 +137,7 @@ class GraspNode(StageNode):
         super().destroy_node()
 
     def _publish_without_result(self, now: float) -> None:
-        """Publish the grasp as of the time ``now`` [s], from the shapes received so far."""
+        """Compute the grasp at the time ``now`` [s] from the shapes received so far, and publish it."""
         opening = self._opening.current()
         self._publish(self._tracker.state(now, opening.gap), opening)
 
@@ -151,7 +152,7 @@ class GraspNode(StageNode):
             self._requests.look(current)
 
     def _current(self) -> CurrentGrasp:
-        """Return the present grasp from the shapes received so far.
+        """Return the current grasp from the shapes received so far.
 
         The stamps stand still after a lossless replay has ended. All shapes therefore count as too old once no shape
         has arrived for max_age.

@@ -55,7 +55,7 @@ class GraspRequests:
 
     Each reply describes the grasp at the time of the reply, never an earlier grasp.
 
-    A waiting goal is not executed, because rclpy would poll the goal's coroutine without a pause. A waiting goal
+    A waiting goal is not executed, because rclpy would poll the goal's coroutine continuously. A waiting goal
     therefore has the status ACCEPTED (in Lyrical EXECUTING, see `allow_feedback`). Once the outcome of the goal is
     known, the goal is executed, and its callback evaluates the grasp again.
 
@@ -64,7 +64,7 @@ class GraspRequests:
     node : Node
         Node that offers the action and the service.
     current : callable
-        Function that returns the present grasp.
+        Function that returns the current grasp.
     steady : callable
         Steady clock for timeouts [s].
     """
@@ -79,12 +79,12 @@ class GraspRequests:
             handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda handle: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
         self._service = node.create_service(CheckGrasp, '~/check_grasp', self._on_check)
-        # The timer uses the steady clock, because a goal would wait for ever with use_sim_time and no /clock.
+        # The timer uses the steady clock, because with use_sim_time and no /clock, a goal would never time out.
         self._timer = node.create_timer(GOAL_LOOK_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
 
     def look(self, current: CurrentGrasp) -> None:
-        """Check the waiting goals against a grasp that was just published.
+        """Check the waiting goals against the grasp that was just published.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class GraspRequests:
         return result
 
     def _finish(self, goal: _Goal) -> WaitForGrasp.Result:
-        """Reply with the present grasp, because the grasp may have changed since ``look`` if the executor was busy."""
+        """Reply with the current grasp, because the grasp may have changed since ``look`` if the executor was busy."""
         current, handle, result = self._current(), goal.handle, WaitForGrasp.Result()
         found = current.missing(goal.requirement)
         if handle.is_cancel_requested:
@@ -171,18 +171,18 @@ class GraspRequests:
         if len(self._goals) >= MOST_GOALS:
             raise RefusedRequirementError('wait_for_grasp', RequirementRefusal.TOO_MANY_GOALS,
                                           expected=f'at most {MOST_GOALS} waiting goals', got='one more',
-                                          remedy='Cancel goals that are not needed.')
+                                          remedy='Cancel goals that are no longer needed.')
 
 
 def allow_feedback(handle: ServerGoalHandle) -> None:
-    """Make rclpy send feedback for a goal. Since Lyrical, a goal that is only accepted gets no feedback."""
+    """Make rclpy send feedback for a goal. Since Lyrical, rclpy sends feedback only while a goal is executing."""
     if hasattr(handle, 'executing'):
         handle.executing()
 
 
 def _fill(answer: WaitForGrasp.Result | CheckGrasp.Response, outcome: int, found: Sequence[Missing] = (),
           refused: RefusedRequirementError | None = None) -> None:
-    """Set the outcome of ``answer`` and its reason, which is the unmet conditions or the refusal of the requirement."""
+    """Set the outcome of ``answer``, and either the unmet conditions or the reason why the requirement was refused."""
     answer.outcome, answer.refusal = outcome, int(refused.refusal if refused else RequirementRefusal.NOT_REFUSED)
     if not refused:
         answer.state = state_message(found)

@@ -1,8 +1,8 @@
 """Command the gripper through its own action, one command at a time, and read its state.
 
 The client trusts only the gripper's responses, not the number of servers in the ROS graph, because the graph lists a
-killed server for another 20 s, even next to a new server. The client gives up a command that gets no response. Later
-goals do not wait for such a command, but the client cannot know if the gripper is still carrying it out.
+killed server for another 20 s, even next to a new server. The client gives up on a command that gets no response. Later
+goals do not wait for this command, but the client cannot know whether the gripper is still carrying it out.
 """
 
 import math
@@ -36,7 +36,7 @@ class _Sent:
     def __init__(self, handle: ClientGoalHandle, opening: float, holds: bool, at: float):
         self.handle = handle  # handle that can cancel the command even before the gripper accepts it
         self.opening = opening  # commanded opening [m]
-        self.holds = holds  # True if the command holds the gripper at its present opening
+        self.holds = holds  # True if the command holds the gripper at its current opening
         self.at = at  # time when the command was sent [s]
         self.served = at  # time when the ROS graph last showed a complete action server [s]
         self.is_accepted = False
@@ -91,8 +91,8 @@ class GripperClient:
     steady : callable
         Steady clock [s].
     stay : callable
-        Function that returns the opening at which to hold a gripper that a cancel does not stop [m], or NaN for a
-        gripper that stops on a cancel.
+        Function that returns the opening at which to hold the gripper [m], or NaN if the gripper stops when its action
+        is cancelled.
     """
 
     def __init__(self, node: Node, interface: GripperInterface, action: str, law: LinearGap, *, effort: float,
@@ -136,7 +136,7 @@ class GripperClient:
 
     @property
     def is_stopped(self) -> bool:
-        """True if all commands that an answering server knows have ended, except for an accepted hold."""
+        """True if all commands have ended, not counting an accepted hold and doubtful earlier commands."""
         moving = [each for each in self._open if not (each.is_given_up if each is self._latest else self._doubts(each))]
         return not moving or (len(moving) == 1 and moving[0].holds and moving[0].is_accepted)
 
@@ -155,7 +155,7 @@ class GripperClient:
 
     @property
     def is_there(self) -> bool:
-        """False if the ROS graph shows no action server. A value of True does not prove that a server exists."""
+        """False if the ROS graph shows no action server. True does not prove that a server exists."""
         return self._client.server_is_ready()
 
     @property
@@ -191,7 +191,7 @@ class GripperClient:
             self._cancel(sent)
 
     def clearing(self) -> tuple[bool, bool]:
-        """Return the progress of ``clear``.
+        """Return how far ``clear`` has progressed.
 
         Returns
         -------
@@ -211,7 +211,7 @@ class GripperClient:
         sent = self._latest
         if sent is None or sent.result is not None:
             return None
-        if self.is_there:  # is_there is also False for a moment while another server starts
+        if self.is_there:  # is_there is also False briefly while another server starts
             sent.served = self._steady()
         if sent.failure is None and self._steady() - sent.served > self._timeout:
             sent.failure = Outcome.NO_GRIPPER
@@ -235,7 +235,7 @@ class GripperClient:
         speed : float
             Commanded speed [m/s]; 0 selects the gripper's own speed.
         holds : bool
-            True if the command holds the gripper at its present opening.
+            True if the command holds the gripper at its current opening.
         """
         goal_id = UUID(uuid=list(uuid4().bytes))
         sent = self._latest = _Sent(ClientGoalHandle(self._client, goal_id, None), opening, holds, self._steady())
@@ -253,27 +253,28 @@ class GripperClient:
         Parameters
         ----------
         opening : float
-            Present opening at which a command holds the gripper [m], or NaN to stop the gripper by a cancel.
+            Current opening, at which a command then holds the gripper [m]; NaN to stop the gripper by a cancel instead.
         """
         if math.isfinite(opening):
             self.drive(opening, 0.0, holds=True)
             return
         for sent in self._open:
             sent.is_cancelled = True
-            if sent.is_accepted:  # cancelled by goal ID, so that a later goal continues
+            if sent.is_accepted:  # cancelled by goal ID, so that later goals continue
                 self._cancel(sent)
 
     def _cancel(self, sent: _Sent) -> None:
         sent.is_ending = None
         while sent.cancels:
-            sent.cancels.popleft().cancel()  # rclpy would keep an unanswered request for ever
+            sent.cancels.popleft().cancel()  # otherwise, rclpy never discards an unanswered request
         self._send_cancel(sent)
 
     def _repeat_cancels(self) -> None:
         """Send each unanswered cancel request again.
 
-        Fast DDS sends nothing to a suspended process. A process that resumes receives the missed requests with the next
-        request, or otherwise only after up to 3 s, in which a closing gripper would continue to close.
+        Fast DDS sends nothing to a suspended process. When the process resumes, it receives the missed requests
+        together with the next request. Without a further request, it would receive them up to 3 s later, and a closing
+        gripper would meanwhile continue to close.
         """
         for sent in self._open if self.is_there else ():
             if sent.cancels:
@@ -287,7 +288,7 @@ class GripperClient:
         future.add_done_callback(lambda done: self._on_cancelled(sent, done))
 
     def _on_cancelled(self, sent: _Sent, future: Any) -> None:
-        if future.cancelled() or future not in sent.cancels:  # another request of the same cancel was already answered
+        if future.cancelled() or future not in sent.cancels:  # an earlier request for this cancel was answered
             return
         sent.cancels.clear()
         answer = future.result()
@@ -305,7 +306,7 @@ class GripperClient:
         is_late = self._is_overdue(sent)
         sent.handle, sent.is_accepted = handle, True
         if sent not in self._open:
-            self._open.append(sent)  # a forgotten command that is accepted now moves the gripper
+            self._open.append(sent)  # this forgotten command may move the gripper after all
         if sent.is_cancelled or is_late:
             self._cancel(sent)
             if sent is self._latest and math.isfinite(opening := self._stay()):

@@ -55,8 +55,8 @@ LOOK_PERIOD = 0.01  #: Time between two checks of a goal [s]. The goal is also c
 RESULT_TIMEOUT = 2  #: Time for which the server keeps a result that the client has not yet requested [s].
 #: Sources whose opening counts as measured. The value of a parameter does not count, because it may be old.
 MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
-LEAST_EXCESS = 0.05  #: Smallest excess over the goal's force that the outcome's message mentions [N].
-NEAR = 0.002  #: Tolerance within which the gripper counts as being at the commanded opening [m].
+LEAST_EXCESS = 0.05  #: If the force exceeds the goal's force by at least this much, the outcome's message says so [N].
+NEAR = 0.002  #: Largest distance from the commanded opening at which the gripper counts as being there [m].
 ROUNDING = 1e-6  #: Rounding error of an opening that is converted from the gripper's own unit [m].
 #: Outcomes of a closing goal that are reported even if an unanswered command may still be moving the gripper. Any other
 #: outcome is replaced by NOT_STOPPED while such a command remains.
@@ -77,12 +77,12 @@ class _Run:
 
     #: task of the goal; `Holding` after the result of the goal was sent, None for a refused goal
     task: Widening | Closing | Holding | None = None
-    #: True while the goal waits, because the node is listening for duplicates or an earlier command has not ended
+    #: True while the goal waits for the node to finish listening for duplicates, or for an earlier command to end
     waits: bool = True
-    clearing: Clearing | None = None  #: monitors the end of earlier commands while the goal waits for that end
+    clearing: Clearing | None = None  #: checks whether earlier commands have ended while the goal waits for them
     speed: float = 0.0  #: commanded speed [m/s]; 0 before the first command and after a stop
 
-    #: detects the rest of a gripper that reports the commanded opening but is measured at another opening
+    #: detects when the gripper is at rest although its reported and measured openings differ
     rest: Rest | None = None
     outcome: Outcome | None = None  #: outcome of the goal, or None while the goal is running
     reason: str = ''  #: text that explains the outcome to the client
@@ -106,7 +106,7 @@ class _Run:
 
 
 class GripperNode(Node):
-    """Serves the action `~/gripper_cmd`, which a client calls in place of the gripper's own action.
+    """Serves the action `~/gripper_cmd`, which a client calls instead of the gripper's own action.
 
     The gripper continues to close only while the messages on `grasp` allow it. A goal has the status ACCEPTED (in
     Lyrical EXECUTING) until its result is known. A new goal replaces the previous goal.
@@ -121,7 +121,7 @@ class GripperNode(Node):
     Raises
     ------
     ConfigurationError
-        Raised if a parameter is wrong.
+        Raised if a parameter is invalid.
     """
 
     def __init__(self, *, steady: Callable[[], float] = time.monotonic, **options: Any):
@@ -150,8 +150,8 @@ class GripperNode(Node):
         self._watch = DuplicateWatch(self, (f'{settings.gripper_action}/touch_gripper', '~/heartbeat'), steady=steady)
         MessageHealth(self, [self._grasps], settings)
         publish_status(self, self._status)
-        # The timer uses the steady clock, because a gripper would otherwise keep closing with use_sim_time and no
-        # /clock.
+        # The timer uses the steady clock, because with use_sim_time and no /clock, the node could not stop a closing
+        # gripper.
         self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
         self._actions.append(ActionServer(
@@ -160,7 +160,7 @@ class GripperNode(Node):
             result_timeout=RESULT_TIMEOUT))
 
     def destroy_node(self) -> None:
-        """Stop a closing gripper, because the node can no longer watch it."""
+        """Stop a closing gripper, because the node can no longer monitor it."""
         run = self._run
         if run is not None and not self._is_stopped(run) and self.context.ok():
             self._stop(run, self._cancels and not self._is_early(run), self._steady())
@@ -174,7 +174,7 @@ class GripperNode(Node):
         self._grasp, self._acquired = grasp, arrival.acquired
         is_only_one = self.count_publishers(self._grasps.topic) <= 1  # if two nodes publish grasps, either may be wrong
         self._touch = touch_of(grasp, arrival.acquired).after(self._touch) if is_only_one else NO_TOUCH
-        # NaN if a pad has no age, inf if the age is not known
+        # NaN if neither age is known, inf if only the age on arrival is not known
         held_back = arrival.age_on_arrival - age_seconds(grasp.age)
         if is_only_one and held_back != math.inf and grasp.gap_source in MEASURED and math.isfinite(grasp.gap):
             sent = arrival.steady - (0.0 if math.isnan(held_back) else held_back)
@@ -201,7 +201,7 @@ class GripperNode(Node):
         self._timer.reset()
 
     def _decide(self, run: _Run) -> None:
-        """Decide from the present opening if the goal opens or closes the gripper, or refuse the goal."""
+        """Decide from the current opening whether the goal opens or closes the gripper, or refuse the goal."""
         now, present = self._steady(), self._opening()
         try:
             command = self._interface.command(run.handle.request)
@@ -220,7 +220,7 @@ class GripperNode(Node):
     def _opens(self, opening: float, present: float) -> bool:
         """Return True if a goal opens the gripper.
 
-        ``opening`` is the commanded opening and ``present`` the measured opening [m], or NaN if not known.
+        ``opening`` is the commanded opening [m]; ``present`` is the measured opening [m], or NaN if it is not known.
         """
         if self._is_widest(opening):
             return not opening < present - NEAR
@@ -229,14 +229,14 @@ class GripperNode(Node):
         return opening >= present and not may_be_wider and not self._client.is_doubtful
 
     def _opens_fully(self, run: _Run) -> bool:
-        """Return True for a goal that opens the gripper fully. The node always forwards such a goal."""
+        """Return True for a goal that fully opens the gripper. The node always forwards such a goal."""
         return run.opens and self._is_widest(run.opening)
 
     def _is_widest(self, opening: float) -> bool:
         return opening >= self._limits.widest - ROUNDING
 
     def _opening(self) -> float:
-        """Return the present measured opening [m], or NaN if the opening is not known."""
+        """Return the measured opening [m], or NaN if the current opening is not known."""
         is_current = self._steady() - self._gap_measured <= self._limits.max_age
         return self._gap if is_current else self._client.opening(self._limits.max_age)
 
@@ -244,7 +244,7 @@ class GripperNode(Node):
         return self._touch.is_current(self._steady(), self._limits.max_age)
 
     def _look(self) -> None:
-        """Continue, stop or end the present goal."""
+        """Continue, stop or end the current goal."""
         run, now = self._run, self._steady()
         if run is None:
             return
@@ -267,7 +267,8 @@ class GripperNode(Node):
     def _is_cancel_due(self, run: _Run) -> bool:
         """Return True if only a cancel can stop the gripper.
 
-        A command to hold cannot help if the latest command opened the gripper and has ended, or if it got no response.
+        A command to hold cannot help if the latest command got no response, or if that command opened the gripper and
+        has ended.
         """
         return self._client.is_silent or (run.opens and self._client.result is not None)
 
@@ -309,7 +310,7 @@ class GripperNode(Node):
         return stop if has_eased else ending
 
     def _why_not_begin(self, run: _Run, now: float) -> Outcome | None:
-        """Begin a waiting goal as soon as possible. Return an outcome if the goal can never begin, otherwise None."""
+        """Start a waiting goal as soon as possible. Return an outcome if the goal can never start, otherwise None."""
         if not self._opens_fully(run):
             if not self._watch.has_listened:
                 return None
@@ -341,7 +342,7 @@ class GripperNode(Node):
                               last=self._last, grasp_age=self._steady() - self._touch.acquired)
 
     def _ending(self, run: _Run, result: GripperResult, stop: Outcome | None) -> Outcome | None:
-        """Return the outcome of a goal whose command the gripper has ended.
+        """Return the outcome of a goal after the gripper has ended its command.
 
         While the gripper may still be moving, the method returns ``stop``, which is the outcome of the task or None.
         """
@@ -435,7 +436,7 @@ class GripperNode(Node):
 def _is_cancel(stop_by: str) -> bool:
     if stop_by not in ('cancel', 'goal'):
         raise ConfigurationError('stop_by', expected='cancel or goal', got=repr(stop_by),
-                                 remedy='Try out whether the gripper stops when its action is cancelled.')
+                                 remedy='Test whether the gripper stops when its action is cancelled.')
     return stop_by == 'cancel'
 
 

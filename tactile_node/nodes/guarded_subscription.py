@@ -49,9 +49,9 @@ class GuardedSubscription(Generic[Message]):
     PROCESSING_FAILED. An uncaught exception would end the executor, and with it every node of the process.
 
     Messages of the processing chain have a stamp, an age and a sequence number. The subscription counts gaps in the
-    sequence. Except in a lossless replay, the subscription drops a message whose stamp is ahead of the other stamps. A
-    topic of the chain must have a single source. While two sources send, or while a publisher uses another version of
-    the message type, all messages on the topic are dropped.
+    sequence. Except in a lossless replay, the subscription drops a message whose stamp is too far ahead of the earlier
+    stamps. A topic of the chain must have a single source. While two sources send, or while a publisher uses another
+    version of the message type, all messages on the topic are dropped.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class GuardedSubscription(Generic[Message]):
         Function that returns the reason why a message cannot be used, or None.
     newest_only : bool
         True to call the callback only with the newest waiting message, and to count the other waiting messages as
-        overtaken. In a lossless replay, the callback gets all messages in either case.
+        overtaken. In a lossless replay, the callback always gets all messages.
     steady : callable
         Steady clock that gives the arrival times [s].
     """
@@ -97,7 +97,7 @@ class GuardedSubscription(Generic[Message]):
         self._other_types: tuple[str, ...] = ()
         self._skipped = 0
         self._overtaken = 0
-        #: number of frames directly before the present message that this node or an earlier node skipped on purpose
+        #: number of frames directly before the current message that this node or an earlier node skipped on purpose
         self.left_out = 0
         self.takes_newest = newest_only and not is_lossless(qos)
         self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
@@ -111,7 +111,7 @@ class GuardedSubscription(Generic[Message]):
 
     @property
     def arrival(self) -> Arrival:
-        """Arrival of the message in the present callback. Raises RuntimeError before the first message of the chain."""
+        """Arrival of the message in the running callback. Raises RuntimeError before the first message arrives."""
         if self._arrival is None:
             raise RuntimeError(f'{self.topic}: no message of the chain has arrived')
         return self._arrival
@@ -160,7 +160,7 @@ class GuardedSubscription(Generic[Message]):
             self._failed(error)
 
     def _waiting(self) -> list[Message]:
-        """Take all messages that have arrived since the executor took the present message."""
+        """Take all messages that have arrived since the executor took the current message."""
         found: list[Message] = []
         while self.takes_newest and self._subscription is not None:
             with self._subscription.handle:
@@ -249,7 +249,10 @@ def frame_key(message: Any) -> FrameKey:
 
 
 def _left_out_before(message: object) -> int:
-    """Return the number of frames before ``message`` that its sender skipped on purpose, or 0 without such a field."""
+    """Return the number of frames before ``message`` that its sender skipped on purpose.
+
+    Returns 0 for a message type without this number.
+    """
     return int(getattr(message, 'left_out', 0))
 
 
@@ -259,7 +262,7 @@ def publisher_names(node: Node, topic: str) -> list[str]:
 
 
 def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
-    """Return the full names of the nodes that publish ``topic`` with message fields that differ from those of ``node``.
+    """Return the full names of the nodes that publish ``topic`` with a different version of the message type.
 
     The middleware matches a publisher and a subscription only by the name of the message type. If the fields differ,
     the subscriber decodes wrong values. The function therefore compares the hashes of the type descriptions (REP 2011).
@@ -282,7 +285,7 @@ def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
                          if own and _is_known(info) and info.topic_type_hash != own[0]}))
 
 
-# The type of `info` is rclpy's TopicEndpointInfo, which is in another module in Lyrical than in Jazzy and Kilted.
+# The type of `info` is rclpy's TopicEndpointInfo, which Lyrical keeps in a different module than Jazzy and Kilted.
 def _full_name(info: Any) -> str:
     return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
 

@@ -62,16 +62,16 @@ class HandOver:
     def __init__(self) -> None:
         self._inputs: dict[str, StageInput] = {}
         self._changed = threading.Condition()
-        self._awake: Executor | None = None  # executor that has a pending task of this hand-over
+        self._awake: Executor | None = None  # executor that has a pending task for this hand-over
         self._is_working = False
         self._is_released = False
-        # Classifiers of the present round, each with the contacts that were waiting when the round began
+        # Classifiers of the current round, each with the contacts that were waiting when the round began
         self._round: deque[tuple[StageInput, Waiting]] = deque()
         # functions to call at the end of the round
         self._postponed: deque[tuple[StageInput, Callable[[], None]]] = deque()
 
     def add(self, stage: 'StageInput') -> None:
-        """Hand the results sent on the topic of ``stage`` to that stage from now on."""
+        """From now on, hand every result for the topic of ``stage`` to that stage."""
         # a new dict, because another thread may be iterating over the old dict
         self._inputs = self._inputs | {stage.topic: stage}
 
@@ -107,7 +107,7 @@ class HandOver:
             executor.create_task(self._work)
 
     def postpone(self, stage: 'StageInput', publish: Callable[[], None]) -> None:
-        """Publish messages that no other stage waits for, at the end of the round.
+        """At the end of the round, publish messages that no other stage waits for.
 
         Parameters
         ----------
@@ -162,7 +162,10 @@ class HandOver:
             self.wake()
 
     def _take_turn(self) -> None:
-        """Process all waiting frames, then one newest contact. At the end of a round, make the postponed calls."""
+        """Process all waiting frames, then the newest contact of one classifier.
+
+        At the end of a round, also make the postponed calls.
+        """
         self._work_on_all()
         if not self._round:
             found = ((stage, stage.take()) for stage in self._inputs.values() if stage.takes_newest and stage.waits)
@@ -177,7 +180,7 @@ class HandOver:
             stage.call(publish)
 
     def _work_on_all(self) -> None:
-        """Process waiting frames and shapes once for each stage, so that the classifiers also get their turns."""
+        """Process waiting frames and shapes once for each stage, so that every classifier gets its turn."""
         for stage in self._inputs.values():
             if not stage.takes_newest and stage.waits:
                 stage.work(stage.take())
@@ -187,8 +190,8 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     """Input of a stage, which receives results from a stage of this process or from a topic.
 
     The input subscribes to the topic unless a stage of this process is its only publisher. If another node also
-    publishes the topic, the input drops all results from the time when that node begins to send. Messages of this
-    process that return over the topic are recognised by sequence number and stamp, and ignored.
+    publishes the topic, the input drops all results from the moment that node starts to send. If a message of this
+    process comes back over the topic, the input recognises it by its sequence number and stamp, and ignores it.
 
     Parameters
     ----------
@@ -221,11 +224,11 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         # A full queue drops its oldest result. With newest_only, the queue is unlimited, so that every overtaken result
         # is counted.
         self._slot: deque[tuple[Result, float]] = deque(maxlen=None if newest_only else settings.most_waiting)
-        # messages of this process that may return over the topic
+        # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)
         self._is_fed = False
         self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
-        self.sends_on: str | None = None  #: topic of the results of this stage, or None for the last stage of a pad
+        self.sends_on: str | None = None  #: topic of this stage's results, or None for the last stage of a pad
         qos = settings.input_qos
         qos.depth = qos.depth if newest_only or settings.lossless else settings.most_waiting
         super().__init__(node, kind, topic, lambda message: accept(parse(message)), qos, check=check,
@@ -238,7 +241,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         return bool(self._slot)
 
     def announce(self, result: Result) -> None:
-        """Record that ``result`` will be published and handed over, so that its returning message is ignored."""
+        """Record that ``result`` will be published and handed over, so that its message is ignored if it comes back."""
         self._is_fed = True
         self._own.append(frame_key(result))
 
@@ -315,7 +318,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 class StageOutput(Generic[Result]):
     """Output of a stage, which hands results to the next stage of this process and publishes them on a topic.
 
-    The output creates a message only while the topic has a subscriber or, in a lossless replay, in any case.
+    The output creates a message only while the topic has a subscriber. In a lossless replay, it always creates one.
 
     Parameters
     ----------
@@ -371,7 +374,7 @@ class StageOutput(Generic[Result]):
 
 
 class StageNode(Node):
-    """A node that ends its stage inputs and outputs when the node is destroyed."""
+    """A node that ends its stage inputs and outputs when it is destroyed."""
 
     stages: 'tuple[StageInput | StageOutput, ...]' = ()  #: empty if the constructor failed
 

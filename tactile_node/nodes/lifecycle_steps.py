@@ -44,7 +44,7 @@ class LifecycleSteps:
 
     @contextmanager
     def autostart(self, waits_for: tuple[type[TactileError], ...]) -> Iterator[None]:
-        """Limit the log messages inside the block, in which the caller repeats failed steps.
+        """Limit the log messages inside the block, where the caller retries failed steps.
 
         A repeated message is logged at increasing intervals. Errors that are not in ``waits_for`` are not logged inside
         the block, because they end the block and are reported by the code that catches them.
@@ -52,7 +52,7 @@ class LifecycleSteps:
         Parameters
         ----------
         waits_for : tuple of error types
-            Errors after which the caller repeats the step.
+            Errors after which the caller retries the step.
         """
         reminders: defaultdict[str, Reminder] = defaultdict(Reminder)
 
@@ -90,7 +90,7 @@ class LifecycleSteps:
         return TransitionCallbackReturn.SUCCESS
 
     def failure(self, transition: str) -> TactileError:
-        """Return the error to raise after the transition with the name ``transition`` has failed."""
+        """Return the error to raise after the transition named ``transition`` has failed."""
         return self.error or DeviceError('skin driver', expected=f'to {transition}', got='an unforeseen error',
                                          remedy='See the traceback in the log above.')
 
@@ -114,7 +114,7 @@ def reject_invalid_transitions(node: LifecycleNode) -> None:
         try:
             return change(request, response)
         except RuntimeError as error:
-            node.get_logger().error(f'change_state: expected a transition that the present state allows, got '
+            node.get_logger().error(f'change_state: expected a transition that the current state allows, got '
                                     f'{request.transition.label or request.transition.id} ({error}). '
                                     'Call ~/get_available_transitions to list them.')
             response.success = False

@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 
 class MessageHealth:
-    """Publishes on /diagnostics how a node processes the messages of its subscriptions, as long as the node exists.
+    """Publishes the health of a node's subscriptions on /diagnostics for as long as the node exists.
 
     The message stamps are compared with the clock of this host, unless the time is simulated or comes from a lossless
     replay.
@@ -54,7 +54,7 @@ class MessageHealth:
         return status
 
     def _log_several(self, now: dict[str, StreamHealth]) -> None:
-        """Log each topic with several publishers once, and again only after it had a single publisher."""
+        """Log each topic with several publishers once, and again only if it had a single publisher in between."""
         found = topics_of_several(now)
         for topic in found.keys() - self._of_several:
             logger.warning('%s', several_text(topic, found[topic]),
@@ -90,9 +90,9 @@ def publish_status(node: Node, status: Callable[[], DiagnosticStatus]) -> None:
 def start_health_timer(node: Node, publish: Callable[[], None], period: float = HEALTH_PERIOD) -> None:
     """Call a function periodically on the steady clock, as long as the node exists.
 
-    The node's own clock is not used, because it stands still with use_sim_time and no /clock, and the last OK would
-    remain. If the function raises an exception, the exception is logged. An uncaught exception would end the executor,
-    and with it every node of the process.
+    The timer does not use the node's own clock. That clock stands still with use_sim_time and no /clock, and the last
+    OK would never be replaced. If the function raises an exception, the exception is logged. An uncaught exception
+    would end the executor, and with it every node of the process.
 
     Parameters
     ----------

@@ -50,7 +50,8 @@ GAP_SOURCES = PARAMETER, JOINT_STATES, TF, NONE = 'parameter', 'joint_states', '
 #: parameter -> the sources that read it
 READ_BY = {'gap': (PARAMETER,), 'gap_joints': (JOINT_STATES,), 'gap_frames': (TF,), 'gap_scale': (JOINT_STATES, TF),
            'gap_offset': (JOINT_STATES, TF)}
-#: Maximum number of frames in the tree and a new message together, so that bogus frame names cannot fill the memory.
+#: Maximum number of frames in the tree, including those of a new message. Bogus frame names could otherwise fill the
+#: memory.
 MOST_FRAMES = 10_000
 
 
@@ -58,7 +59,7 @@ class OpeningSource(Protocol):
     """Source of the gripper's opening. The method ``current`` never raises an exception and never blocks."""
 
     def current(self) -> Opening:
-        """Return the present opening."""
+        """Return the current opening."""
 
 
 class ParameterOpening:
@@ -74,7 +75,7 @@ class ParameterOpening:
         node.add_post_set_parameters_callback(self._on_parameters)
 
     def current(self) -> Opening:
-        """Return the present opening."""
+        """Return the current opening."""
         return self._latest.current(self._steady())
 
     def _on_parameters(self, parameters: Sequence[Parameter]) -> None:
@@ -84,7 +85,7 @@ class ParameterOpening:
 
 
 def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
-    """Refuse changes of the parameter ``gap`` at run time if the gap_source ``source`` does not read that parameter."""
+    """Refuse changes to the parameter ``gap`` at run time if the selected ``source`` does not read that parameter."""
     def check(parameters: Sequence[Parameter]) -> SetParametersResult:
         is_set = any(each.name == 'gap' and each.value >= 0 for each in parameters)
         refused = is_set and source != PARAMETER
@@ -120,7 +121,7 @@ class MeasuredOpening:
         publish_status(node, self._status)
 
     def current(self) -> Opening:
-        """Return the present opening."""
+        """Return the current opening."""
         raise NotImplementedError
 
     def _status(self) -> DiagnosticStatus:
@@ -135,7 +136,7 @@ class MeasuredOpening:
 
 
 class JointStatesOpening(MeasuredOpening):
-    """Opening that is computed from the sum of joint positions.
+    """Opening computed from the sum of joint positions.
 
     While the opening is known, messages that concern only other joints are ignored, because many nodes may share the
     topic.
@@ -171,7 +172,7 @@ class JointStatesOpening(MeasuredOpening):
 
 
 class TfOpening(MeasuredOpening):
-    """Opening that is computed from the distance between two tf frames along the closing direction."""
+    """Opening computed from the distance between two tf frames along the closing direction."""
 
     def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, closing: np.ndarray,
                  steady: Callable[[], float]):
@@ -222,7 +223,7 @@ class TfOpening(MeasuredOpening):
 
 def make_opening_source(node: Node, settings: GraspNodeSettings, closing: np.ndarray,
                         steady: Callable[[], float] = time.monotonic) -> OpeningSource:
-    """Return the source that the parameter gap_source names.
+    """Return the source selected by the parameter gap_source.
 
     Parameters
     ----------
@@ -266,8 +267,8 @@ def _check(settings: GraspNodeSettings) -> None:
             raise ConfigurationError(f'parameter {row.name}', expected=f'no value with gap_source {source}',
                                      got=str(value), remedy=f'Remove it, or set gap_source to {" or ".join(readers)}.')
     if source == JOINT_STATES and (not all(joints) or not joints or len(set(joints)) < len(joints)):
-        raise ConfigurationError('parameter gap_joints', expected='different names of joints', got=f'{list(joints)}',
+        raise ConfigurationError('parameter gap_joints', expected='joint names that all differ', got=f'{list(joints)}',
                                  remedy='Take the names from the URDF. Omit a mimic joint, and double gap_scale.')
     if source == TF and (len(frames) != 2 or not all(frames) or len(set(map(frame_name, frames))) < 2):
-        raise ConfigurationError('parameter gap_frames', expected='a frame on the left and one on the right finger',
+        raise ConfigurationError('parameter gap_frames', expected='one frame on the left finger and one on the right',
                                  got=f'{list(frames)}', remedy='Take both names from the URDF.')

@@ -23,8 +23,8 @@ LOOK_PERIOD = 1.0  #: Time between two checks for other publishers [s].
 class PadOutput:
     """Conditions the taxel frames of one pad, publishes them and hands them to the processor.
 
-    In a lossless replay, the output waits until each frame is processed, if all stages up to the classifier run in this
-    process.
+    If all stages up to the classifier run in this process, the output waits in a lossless replay until each frame has
+    been processed.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class PadOutput:
     age : callable
         Function that returns the age of a frame from its stamp [s]; see `FrameSource.age`.
     layer : Layer or None
-        Layer of a calibrated skin, or None if the layer is not known.
+        Elastic layer of a calibrated skin, or None if the layer is not known.
     """
 
     def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,
@@ -78,7 +78,7 @@ class PadOutput:
     def _other_publishers(self) -> tuple[str, ...]:
         """Return the full names of the other nodes that publish on the same topic. The names are read once a second.
 
-        The result includes another node that has the name of this node.
+        The result includes any other node with the same name as this node.
         """
         now = time.monotonic()
         if now - self._looked >= LOOK_PERIOD:

@@ -103,7 +103,7 @@ def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper
     if not settings.publish_pad_frames:
         return
     if len(settings.pad_frames) != 2:
-        raise ConfigurationError('parameter pad_frames', expected='a frame of the left pad and one of the right pad',
+        raise ConfigurationError('parameter pad_frames', expected='one frame for the left pad and one for the right',
                                  got=f'{list(settings.pad_frames)}',
                                  remedy="Name both frames. An empty name '' selects <name>_pad.")
     frames = {frame_name(name) for name in (*settings.frames_of_pads, settings.frame)}

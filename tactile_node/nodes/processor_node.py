@@ -52,7 +52,7 @@ class ProcessorNode(StageNode):
     Raises
     ------
     ConfigurationError
-        Raised if a parameter is wrong.
+        Raised if a parameter is invalid.
     """
 
     def __init__(self, hand_over: HandOver | None = None, **options: Any):
@@ -94,7 +94,7 @@ class ProcessorNode(StageNode):
             self._taxels.postpone(lambda: self._publish_more(contact, arrival))
 
     def _publish_more(self, contact: PadContact, arrival: Arrival) -> None:
-        """Publish features, images and wrenches, for which no other stage waits."""
+        """Publish features, images and wrenches, which no other stage waits for."""
         if is_wanted(self._features, self._settings.lossless):
             features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
             features.age = age_message(arrival.age(time.monotonic()))
@@ -115,7 +115,7 @@ def thresholds_of(settings: ProcessorSettings) -> PressThresholds | None:
 
 
 def scales_of(settings: ProcessorSettings) -> dict[str, UnitScale]:
-    """Return, for each unit, a check that the readings have a plausible scale.
+    """Return a check for each unit that the readings have a plausible scale.
 
     With fixed thresholds, the readings may have any scale, so the function returns no checks.
     """

@@ -10,7 +10,7 @@ from tactile_node.nodes.spinning import Spinner
 from tactile_node.nodes.system import System
 from tactile_node.ros.time_messages import time_message
 
-CLOCK_STEP = 0.01  #: Time that passes in the log between two messages on /clock [s].
+CLOCK_STEP = 0.01  #: Interval in log time between two messages on /clock [s].
 
 
 class ClockOutput:

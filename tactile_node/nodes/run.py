@@ -83,7 +83,7 @@ def run_node(make: Callable[[], SomeNode], start: Callable[[SomeNode, Event], No
 
 
 def wait(spinner: Spinner, stop_requested: Event) -> None:
-    """Wait until an event is set, and raise the exception of a callback that has failed.
+    """Wait until an event is set. If a callback fails, raise its exception.
 
     The function first exempts all existing objects from garbage collection, because full collections would delay taxel
     frames by about 40 ms.
@@ -102,7 +102,7 @@ def wait(spinner: Spinner, stop_requested: Event) -> None:
 
 @contextmanager
 def translate_rclpy_errors() -> Iterator[None]:
-    """Convert rclpy's errors about names and parameters inside the block into ConfigurationError."""
+    """Inside the block, convert rclpy's errors about names and parameters to ConfigurationError."""
     try:
         yield
     except NAME_ERRORS as error:
@@ -137,7 +137,7 @@ def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> I
     Raises
     ------
     ConfigurationError
-        Raised if a parameter, a name or the parameter file is wrong.
+        Raised if a parameter, a name or the parameter file is invalid.
     """
     with ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
@@ -145,7 +145,7 @@ def running(nodes: Sequence[NodeDescription], ros_arguments: Sequence[str]) -> I
             rclpy.init(args=['--ros-args', *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
             system = System(nodes)
         stack.callback(system.destroy)
-        # the driver already forwards its logs since its constructor, and a second call is harmless
+        # the driver has forwarded its logs since its constructor ran, but a second call is harmless
         for node in system.nodes:
             forward_logs_to(node)
             stack.callback(stop_forwarding_to, node)

@@ -39,8 +39,8 @@ class FrameExecutor(SingleThreadedExecutor):
     that are handed over need no wait. Half of the 120 entities are event handlers (such as "incompatible QoS"), which
     are checked only once a second.
 
-    The executor supports `spin` and `spin_once`, and ends with `shutdown`. Steady timers run regardless of their
-    callback group. If another thread shortens the period of a steady timer, its next call is at most LONGEST_WAIT late.
+    The executor supports `spin`, `spin_once` and `shutdown`. Steady timers run regardless of their callback group. If
+    another thread shortens the period of a steady timer, the next call of that timer is at most LONGEST_WAIT late.
     """
 
     def __init__(self, **options: Any):
@@ -52,7 +52,7 @@ class FrameExecutor(SingleThreadedExecutor):
         self._has_run = threading.Semaphore(0)
         self._ended = threading.Event()
         self._watcher: threading.Thread | None = None
-        super().__init__(**options)  # called last, because the end of the context calls wake from now on
+        super().__init__(**options)  # called last, because from then on, the context calls wake when it ends
 
     def get_nodes(self) -> list[Node]:
         """Return views of the nodes with the entities to wait for; called by rclpy before each wait."""
@@ -134,7 +134,7 @@ class FrameExecutor(SingleThreadedExecutor):
             self._watcher.join()
         if self._found is not None and not self._found.executing():
             self._found.cancel()
-            if self._found_entity is not None:  # the entity is None, for example, for a response to an action client
+            if self._found_entity is not None:  # None, for example, for a response to an action client
                 self._found_entity._executor_event = False  # lets another executor take the entity
         return bool(super().shutdown(timeout_sec))
 
@@ -160,7 +160,7 @@ class FrameExecutor(SingleThreadedExecutor):
                 self._has_run.acquire()
 
     def _take_waitable(self, waitable: Waitable) -> Any:
-        """Take nothing from a waitable that was destroyed after it was found, a check that rclpy lacks."""
+        """Return None for a waitable that was destroyed after it was found, because rclpy would raise an exception."""
         try:
             return super()._take_waitable(waitable)
         except InvalidHandle:
@@ -233,7 +233,7 @@ class Spinner:
         self._thread.start()
 
     def check(self) -> None:
-        """If an exception of a callback has ended the thread, raise that exception."""
+        """If an exception in a callback has ended the thread, raise that exception."""
         if self._error is not None:
             raise self._error
 

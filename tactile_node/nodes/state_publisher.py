@@ -44,13 +44,13 @@ class StatePublisher:
     node : Node
         Node that publishes.
     look : callable
-        Function that returns the present state.
+        Function that returns the current state.
     """
 
     def __init__(self, node: Node, look: Callable[[], DriverState]):
         self._node = node
         self._look = look
-        self._turn = threading.Lock()  # transitions may run on a different thread than the executor
+        self._turn = threading.Lock()  # transitions and the executor may run on different threads
         self._pace = ChangePace()
         self._name = node.get_fully_qualified_name()
         self._findings = BusDiagnostics(self._name, '')
@@ -72,7 +72,7 @@ class StatePublisher:
             self._findings = BusDiagnostics(self._name, hardware_id, max(EVALUATED_PERIOD, 2.5 * frame_period))
 
     def update(self, *, is_last: bool = False) -> None:
-        """Publish the state if it is due. If the state is the last one (``is_last``), always publish it."""
+        """Publish the state if it is due. Always publish the last state (``is_last``)."""
         with self._turn:
             state = self._look()
             counts, health = _observed(state)
@@ -106,7 +106,7 @@ def _observed(state: DriverState) -> tuple[BusStatistics, BusHealth]:
 
 
 def _key(state: DriverState, health: BusHealth, findings: tuple[Finding, ...]) -> Hashable:
-    """Return the fields whose changes are published immediately, which are levels, codes and the lifecycle state."""
+    """Return the fields whose changes are published immediately: levels, codes and the lifecycle state."""
     nodes = tuple((name, node.node_id, node.fault, node.state, node.is_operational)
                   for name, of_pad in health.nodes.items() for node in of_pad)
     pads = tuple((name, condition.zero, condition.is_frozen, condition.faults.kinds.tobytes(),

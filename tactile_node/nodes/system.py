@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class System:
-    """Nodes of one process, which hand over their results by calls.
+    """Nodes of one process, which hand over their results by direct calls.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class System:
     Raises
     ------
     ConfigurationError
-        Raised if a parameter of a processor, a classifier or a grasp node is wrong.
+        Raised if a parameter of a processor, a classifier or a grasp node is invalid.
     """
 
     def __init__(self, descriptions: Sequence[NodeDescription]):

@@ -19,7 +19,7 @@ from tactile_skin.srv import Tare
 
 DRIVER = NODE_NAMES[Role.DRIVER]
 DISCOVERY_TIMEOUT = 15.0  #: Time allowed for discovering the driver [s].
-ANSWER_TIMEOUT = LONGEST + 10  #: Time allowed for a response of the driver [s].
+ANSWER_TIMEOUT = LONGEST + 10  #: Time allowed for a response from the driver [s].
 
 
 class TareClient:
@@ -74,7 +74,7 @@ class TareClient:
 def tare_client(namespace: str) -> Iterator[TareClient]:
     """Yield a client of the driver in ``namespace``, where '' is the root namespace.
 
-    Raises ConfigurationError as `TareClient` does.
+    Raises ConfigurationError under the same conditions as `TareClient`.
     """
     with translate_rclpy_errors():
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

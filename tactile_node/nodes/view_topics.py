@@ -42,7 +42,7 @@ class OnDemandPublisher(Generic[Message]):
 
     A late subscriber receives no earlier messages.
 
-    Even in a lossless replay, earlier messages are not kept, because a viewer shows any image or marker as the present
+    Even in a lossless replay, earlier messages are not kept, because a viewer shows any image or marker as the current
     state.
 
     Parameters

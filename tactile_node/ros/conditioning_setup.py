@@ -55,7 +55,7 @@ def conditioned_pads(pads: tuple[PadSettings, ...], settings: DriverSettings,
     Raises
     ------
     ConfigurationError
-        Raised if a parameter, a gain file or the file of faulty taxels is wrong.
+        Raised if a parameter, a gain file or the file of faulty taxels is invalid.
     """
     gain_files = one_for_each('gain_files', settings.gain_files, pads)
     shapes = {pad.name: (pad.layout.rows, pad.layout.cols) for pad in pads}
@@ -79,7 +79,7 @@ def adjust(pads: Mapping[str, ConditionedPad], units: Mapping[str, str], setting
     Raises
     ------
     ConfigurationError
-        Raised if a setting is wrong. If the error is raised, no setting has changed.
+        Raised if a setting is invalid. If the error is raised, no setting has changed.
     """
     masks = masks_faulty(settings.faulty_taxels)
     rest = {name: rest_limit(settings.tare_limit, units[name]) for name in pads}

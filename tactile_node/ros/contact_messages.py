@@ -1,4 +1,4 @@
-"""Convert taxel frames, contacts and features to messages, and messages back."""
+"""Convert taxel frames, contacts and features to messages and back."""
 
 from array import array
 from typing import NamedTuple
@@ -20,7 +20,7 @@ class PadFrame(NamedTuple):
 
     header: Header          #: stamp and coordinate frame of the pad
     sequence: int
-    values: np.ndarray      #: taxel values, float32, shape (rows, cols); NaN without a valid value
+    values: np.ndarray      #: taxel values, float32, shape (rows, cols); NaN where no value is valid
     status: np.ndarray      #: `TaxelStatus` of each taxel, uint8, shape (rows, cols)
     taxels: Taxels
     missing_can_frames: int
@@ -119,7 +119,7 @@ def pad_state(found: FoundContact) -> int:
 
 
 def pad_contact_of(message: Contact) -> PadContact:
-    """Return the contact from which ``message`` was created. The message says if the pad was seen."""
+    """Return the contact from which ``message`` was created. The message states whether the pad was seen."""
     frame = pad_frame_of(message)
     found = FoundContact.of(_pattern(message), frame.taxels, message.smallest_contact)
     seen = found.visibility._replace(pad_seen=message.pad_seen)

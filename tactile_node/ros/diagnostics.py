@@ -104,7 +104,7 @@ class BusDiagnostics:
 
 
 def unconfigured(health: BusHealth) -> tuple[Finding, ...]:
-    """Return the finding about a driver without a bus, which has failed or is not configured."""
+    """Return the finding about a driver that has no bus, because it has failed or is not configured."""
     if health.failure is not None:
         return (Finding(DiagnosticStatus.ERROR, failure_text(health.failure)),)
     return (Finding(DiagnosticStatus.STALE, 'not configured'),)
@@ -127,7 +127,7 @@ def _new(node: NodeHealth) -> NodeHealth:
 
 
 def _worst(findings: list[Finding]) -> Finding:
-    """Join all findings of the worst level into one finding."""
+    """Combine all findings of the worst level into one finding."""
     order = (DiagnosticStatus.ERROR, DiagnosticStatus.WARN, DiagnosticStatus.STALE, DiagnosticStatus.OK)
     level = next(level for level in order if any(finding.level == level for finding in findings))
     return Finding(level, '; '.join(finding.message for finding in findings if finding.level == level))

@@ -17,17 +17,17 @@ NODE_NAME_RULES = ('__node', '__name')
 
 
 class GlobalNames(NamedTuple):
-    """ROS arguments after the global names were removed."""
+    """ROS arguments without the global names."""
 
-    namespace: str  #: namespace from a global rule, or '' without such a rule
+    namespace: str  #: namespace from a global rule, or '' if there is no such rule
     arguments: list[str]  #: all other arguments, for `rclpy.init`
 
 
 def without_global_names(arguments: Sequence[str]) -> GlobalNames:
     """Separate a global namespace from the other ROS arguments.
 
-    If the arguments contain several namespaces, the last one is used. A rule that gives all nodes one name is ignored
-    with a warning. Rules for a single node, such as `skin_driver:__ns:=/robot`, are kept.
+    If the arguments contain several namespaces, the last one is used. A rule that gives all nodes the same name is
+    ignored with a warning. Rules for a single node, such as `skin_driver:__ns:=/robot`, are kept.
 
     Parameters
     ----------

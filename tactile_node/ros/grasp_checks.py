@@ -82,7 +82,7 @@ def _is_held(message: Grasp) -> bool:
 
 
 def _object_class(message: Grasp) -> RejectReason | None:
-    """Check that only a held object has a class, and that this class is more probable than all others together."""
+    """Check that only a held object has a class, and that this class is more probable than all others combined."""
     if message.shape not in SHAPE_NUMBERS_KNOWN or message.shape == ContactShape.NONE:
         return RejectReason.UNKNOWN_CODE
     certainties = message.confidence, *message.confidences

@@ -36,7 +36,7 @@ NANOSECONDS = 10**9
 
 
 def side_result(message: ContactShape, time: float) -> SideResult:
-    """Return the result of one pad, whose acquisition time on this host's clock is ``time`` [s]."""
+    """Return the result of one pad that was acquired at ``time`` on this host's clock [s]."""
     is_hidden, centre, moves = _is_largely_hidden(message), _centre(message), is_moving(message.motion)
     if centre is None:
         return SideResult(time, _reported_state(message), message.class_name, hides_creep=is_hidden, moves=moves)
@@ -83,7 +83,7 @@ def _of_pressure(message: ContactShape) -> tuple[float, bool]:
 
 
 def _pitch(message: ContactShape) -> float:
-    """Return the pitch of the pad [m], or 0 without a contact."""
+    """Return the pitch of the pad [m], or 0 if there is no contact."""
     return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
 
 
@@ -98,7 +98,7 @@ def face_of(message: ContactShape) -> Face:
 
 
 def _face_fit(message: ContactShape) -> FaceFit | None:
-    """Return the fit with its standard deviations, or None if they are missing, because the fit needs a weight."""
+    """Return the fit, or None without standard deviations, because they determine the weight of the fit."""
     if not message.fit_valid or not message.dimension_names:
         return None
     of_each = dict(zip(message.parameter_names, map(float, message.standard_deviations)))
@@ -115,8 +115,8 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
                   ages: Sequence[float], gripper: Gripper) -> Grasp:
     """Return the grasp as a message.
 
-    Stamp and age come from the older of the two pad results. A receiver computes from stamp and age how long the
-    message was delayed.
+    Stamp and age come from the older of the two pad results. A receiver uses the stamp and the age to compute how long
+    the message was delayed.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
 
 
 def sides_message(state: GraspState, sides: Sequence[ContactShape], frame_id: str, ages: Sequence[float]) -> GraspSides:
-    """Return the GraspSides that belongs to the message of `grasp_message` with the same arguments."""
+    """Return the GraspSides message for the Grasp that `grasp_message` returns for the same arguments."""
     return GraspSides(**_dated(state, sides, frame_id, ages), sides=sides)
 
 
@@ -239,7 +239,7 @@ def timeout_of(message: Duration) -> float:
 
 
 def state_message(found: Sequence[Missing]) -> RequirementState:
-    """Return the unmet conditions, which `missing` found, as a message."""
+    """Return the unmet conditions found by `missing` as a message."""
     return RequirementState(missing=int(found[0] if found else Missing.NOTHING),
                             all_missing=[int(each) for each in found])
 

@@ -1,4 +1,4 @@
-"""State of the gripper node as text: its entry in /diagnostics, and the reason why a goal sees no usable grasp."""
+"""State of the gripper node as text: its entry in /diagnostics, and the reason why a goal has no usable grasp."""
 
 import math
 
@@ -8,7 +8,7 @@ from tactile_node.grasp.closing import Outcome
 from tactile_node.ros.message_health import MessageCounts, several_text, status_of
 from tactile_skin.msg import Grasp
 
-#: outcomes after which somebody should check the gripper or its wiring
+#: outcomes after which the user should check the gripper or its wiring
 FAILURES = (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT, Outcome.NOT_STOPPED, Outcome.NOT_OPENING)
 
 
@@ -27,7 +27,7 @@ def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, w
     is_served
         True if the ROS graph shows a server of the gripper's own action.
     work
-        Present activity: 'none', 'goal' or 'hold'.
+        Current activity: 'none', 'goal' or 'hold'.
     last
         Outcome of the latest goal or hold.
     grasp_age
@@ -50,7 +50,7 @@ def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp:
     Parameters
     ----------
     topic
-        Name of the topic of the grasps.
+        Name of the grasp topic.
     counts
         Message counts of the grasp topic.
     publishers

@@ -77,7 +77,7 @@ class _Parallel:
         if count != 1 or (self._joint and names and names != [self._joint]):
             raise RefusedGoalError('command', expected=f'one position of {self._joint or "one joint"}',
                                    got=f'{count} of {", ".join(names) or "no name"}',
-                                   remedy='Command the joint that the parameter joint names.')
+                                   remedy='Command the joint that is set in the parameter joint.')
         speed, effort = (math.nan if len(each) > 1 else _first(each, 0.0) for each in (asked.velocity, asked.effort))
         return Command(asked.position[0], speed, effort)
 
@@ -136,7 +136,7 @@ def _first(values: Any, default: float) -> float:
 
 
 def touch_of(grasp: Grasp, acquired: float) -> Touch:
-    """Return the touch that a grasp message describes.
+    """Return the touch described by a grasp message.
 
     If a force is a bound although the contact does not reach the pad's edge, hidden or saturated taxels are the cause,
     perhaps in another contact.

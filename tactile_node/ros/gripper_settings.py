@@ -65,5 +65,5 @@ class GripperSettings(ReceiverSettings):
 
 
 def limits_of(kind: type[Limits], settings: GripperSettings) -> Limits:
-    """Return limits of the given kind, filled with the values of the parameters that have the same names."""
+    """Return limits of the given kind, with each value taken from the parameter of the same name."""
     return kind(**{name: getattr(settings, name) for name in kind.__dataclass_fields__})

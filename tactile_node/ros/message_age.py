@@ -1,12 +1,12 @@
 """Measure the field `age` of the chain's messages: the time since acquisition, summed over all stages.
 
 Each stage measures with its own steady clock, and adds the time for which a message was held back and the time for its
-own processing. The stamp of a message stays the stamp of the taxels. The hosts need no synchronised clocks. `InputAge`
-records when each message of a subscription arrives. Results that are handed over within one process carry their
-acquisition time.
+own processing. The stamp of a message stays the stamp of the taxels. The clocks of the hosts need not be synchronised.
+`InputAge` records when each message of a subscription arrives. Results that are handed over within one process carry
+their acquisition time.
 
-A blocked node reads its queue late, and therefore also calls `arrived` late. The time in the queue thus counts as time
-for which the message was held back. The time stamps of DDS are not used, because they come from the wall clock and
+A blocked node reads its queue late, and therefore also calls `arrived` late. The time that a message spends in the
+queue therefore counts as time held back. The time stamps of DDS are not used, because they come from the wall clock and
 cover only the last sender.
 
 An age is *not known* (`math.inf`, in a message the longest Duration) until the smallest delay has settled. The smallest
@@ -30,15 +30,15 @@ from tactile_node.ros.time_messages import duration_message, seconds
 
 #: Time for which the smallest difference is kept [s]. Afterwards, a slower path or a changed clock counts as normal.
 WINDOW = 30.0
-BUCKETS = 30  #: number of parts of WINDOW, each of which is forgotten as a whole
+BUCKETS = 30  #: number of parts into which WINDOW is divided; each part expires as a whole
 
-#: Time for which messages must arrive without a decrease of the smallest difference before that difference is settled
-#: [s].
+#: Time for which messages must arrive without a decrease of the smallest difference before that difference counts as
+#: settled [s].
 SETTLING_TIME = 0.5
 SETTLING_TOLERANCE = 0.02  #: largest decrease that counts as jitter of the path while settling [s]
 
-#: Largest decrease, once settled, that is attributed to a message that was faster than all earlier messages [s]. The
-#: earlier messages were older than measured by this decrease; later messages are measured correctly.
+#: After settling, a decrease of at most this size is attributed to a message that was faster than all earlier messages
+#: [s]. The earlier messages were older than measured by this decrease; later messages are measured correctly.
 SETTLED_ERROR = 0.05
 DRIFT = 1e-3  #: relative rate below which a decrease is attributed to a clock that drifts or is slewed
 LONGEST_GAP = 0.1  #: longest gap between messages that counts towards SETTLING_TIME [s]
@@ -56,7 +56,7 @@ class DelayEstimator:
 
     The estimate is unsettled for SETTLING_TIME after the sender restarts, after its clock is set forward, or after its
     clock is set back by more than the message period. If the clock is set back by less, or during a pause of the same
-    length, messages seem too old by the size of the step for at most WINDOW.
+    length, messages appear older by the size of the step for at most WINDOW.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class DelayEstimator:
         # pairs of a bucket and the smallest difference since that bucket, both ascending
         self._least: deque[tuple[int, float]] = deque()
         self._reference = inf  # value with which the next smallest difference is compared
-        self._covered = 0.0  # time with messages since the last decrease that restarted settling
+        self._covered = 0.0  # time covered by messages since the last decrease that restarted settling
 
     def update(self, arrival: float, sent: float) -> Delay:
         """Process one message and return its delay.
@@ -165,7 +165,7 @@ class MeasurementTime:
 
 
 def use_stamps(node: Node, settings: NodeSettings) -> bool:
-    """Return True if stamps advance like the steady clock, unlike in a simulation or a lossless replay."""
+    """Return True if stamps advance at the pace of the steady clock: not in a simulation or a lossless replay."""
     return not (settings.lossless or node.get_parameter('use_sim_time').value)
 
 
@@ -173,7 +173,7 @@ NOT_KNOWN_SEC = 2**31 - 1  #: `sec` of an unknown age, which is 68 years and abo
 
 
 class AgedMessage(Protocol):
-    """Interface of a message of the processing chain."""
+    """Interface that every message of the processing chain provides."""
 
     header: Header
     age: Duration

@@ -34,7 +34,7 @@ from tactile_node.skin.taxel_array import check_taxel_array as check_taxel_array
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, Grasp
 
-MAX_CLASSES = 1000  #: maximum number of classes in one message, far more than this package has
+MAX_CLASSES = 1000  #: maximum number of classes in one message, far more than this package defines
 PROBABILITY_TOLERANCE = 1e-3  #: rounding tolerance for probabilities, which are float32
 NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
 SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
@@ -46,7 +46,7 @@ Check = Callable[[Message], RejectReason | None]
 
 
 def check_contact(message: Contact) -> RejectReason | None:
-    """Check the taxels as `check_taxel_array` does, and the consistency of labels, counts and state."""
+    """Check the taxels as `check_taxel_array` does, then check that labels, counts and state are consistent."""
     return (check_grid(message.rows, message.cols, len(message.values), len(message.status), len(message.labels))
             or (RejectReason.TOO_LARGE if len(message.contact_taxels) > len(message.labels) else None)
             or check_scale(message.unit, message.pitch)
@@ -113,7 +113,7 @@ def _shapes(message: ContactShape) -> RejectReason | None:
 
 
 def _classes(message: ContactShape) -> RejectReason | None:
-    """Check that each shape code of this package has its own name, and that OTHER has a different name."""
+    """Check that the class lists are consistent, and that each name matches its shape code."""
     names = message.class_names
     if len(names) > MAX_CLASSES:
         return RejectReason.TOO_LARGE
@@ -158,7 +158,7 @@ def _counts(message: ContactShape) -> RejectReason | None:
 
 
 def _place(message: ContactShape) -> RejectReason | None:
-    """Check position and fit. A pad that is not seen may have a shape without taxels, position and fit."""
+    """Check position and fit. If a pad is not seen, its shape may lack taxels, a position and a fit."""
     is_none = message.shape == ContactShape.NONE
     if any(map(math.isinf, message.pressure_slope)):
         return RejectReason.NOT_FINITE

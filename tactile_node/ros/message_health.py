@@ -21,11 +21,11 @@ class StreamFault(IntEnum):
     NOT_KNOWN = 0
     NONE = 1
     DROPPED = 2             #: messages were dropped for the reasons in RejectReason
-    SKIPPED = 3             #: frames never reached the node, as missing sequence numbers show
+    SKIPPED = 3             #: missing sequence numbers show that frames never reached the node
     OLD = 4                 #: messages arrive, but their data is older than OLD
     SEVERAL_PUBLISHERS = 5  #: several nodes publish the same topic
     SILENT = 6              #: no message was received on a topic since the last status
-    OVERLOADED = 7          #: the node is too slow, as a fraction of overtaken messages above MOST_OVERTAKEN shows
+    OVERLOADED = 7          #: the node is too slow: the fraction of overtaken messages exceeds MOST_OVERTAKEN
     CLOCKS_APART = 8        #: stamps are ahead of the clock of this host, or seem to lag behind it
     OTHER_TYPE = 9          #: a publisher uses another version of the message type, so no message on the topic is used
 
@@ -51,7 +51,7 @@ def total(counts: Iterable[MessageCounts]) -> MessageCounts:
 
 
 class StreamHealth(NamedTuple):
-    """Present health of one subscription."""
+    """Current health of one subscription."""
 
     counts: MessageCounts
     age: float = math.inf  #: age of the data in the newest message [s]; inf if not known
@@ -69,15 +69,15 @@ def health_status(node: str, now: Mapping[str, StreamHealth], before: Mapping[st
     """Return the diagnostic status of a node.
 
     The level is WARN if messages were dropped or skipped, if many messages were overtaken, if data is old, if a topic
-    has several publishers, or if stamps and clock differ. Otherwise, the level is STALE if a topic was silent, and OK
-    if not.
+    has several publishers, or if stamps and clock differ. If none of these conditions applies, the level is STALE if a
+    topic was silent, otherwise OK.
 
     Parameters
     ----------
     node
         Full name of the node.
     now
-        Present health of each topic, by topic name.
+        Current health of each topic, by topic name.
     before
         Message counts at the last status, by topic name.
     period

@@ -25,7 +25,7 @@ def motion_message(motion: Motion, stamp: float) -> ContactMotion:
 
 
 def current_motion(motion: ContactMotion, age: float, is_current: bool) -> ContactMotion:
-    """Return a motion whose last event is older by ``age`` [s], or an unknown motion if ``is_current`` is false."""
+    """Return ``motion`` with ``age`` [s] added to its last event, or an unknown motion if ``is_current`` is false."""
     if not is_current:
         return motion_message(Motion(), 0.0)
     return ContactMotion(
@@ -48,7 +48,7 @@ def event_message(event: Event, header: Header, sequence: int, age: Duration) ->
 
 
 def check_motion(message: ContactMotion) -> RejectReason | None:
-    """Check the codes, and that only a sliding contact has a speed and only a turning contact has a rate."""
+    """Check the codes. Only a sliding contact may have a speed, and only a turning contact a rate."""
     if (message.moving > MOST_MOVING or message.moving & Moving.STILL and message.moving != Moving.STILL
             or message.observable > MOST_OBSERVABLE or message.last_event > max(EventKind)):
         return RejectReason.UNKNOWN_CODE

@@ -66,7 +66,7 @@ def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def frame_name(name: str) -> str:
-    """Return a frame name without the leading slash that some publishers still add, because tf2 uses none."""
+    """Return a frame name without the leading slash that some publishers still add, because names in tf2 have none."""
     return name.lstrip('/')
 
 
@@ -96,7 +96,7 @@ def check_joint_state(message: 'JointState', joints: Sequence[str], law: LinearG
 
 
 def check_transforms(transforms: Sequence[TransformStamped]) -> RejectReason | None:
-    """Check that each transform of a tf message joins two frames by a quaternion of length 1, as tf2 requires."""
+    """Check that each transform of a tf message relates two frames by a unit quaternion, as tf2 requires."""
     return next((reason for each in transforms if (reason := _transform(each))), None)
 
 
@@ -114,7 +114,7 @@ def _transform(message: TransformStamped) -> RejectReason | None:
 def why_not_known(opening: Opening, remedy: str) -> str:
     """Return the reason why ``opening`` has no known gap, as text.
 
-    If the source has not yet given an opening, the reason is ``remedy``, which says which data the source lacks.
+    If the source has not yet provided an opening, the reason is ``remedy``, which names the missing data.
     """
     if opening.source is GapSource.NOT_KNOWN:
         return remedy
@@ -128,8 +128,8 @@ def opening_status(node: str, opening: Opening, counts: MessageCounts, before: M
                    remedy: str) -> DiagnosticStatus:
     """Return the diagnostic status of the opening.
 
-    The level is STALE if the opening is not known. Otherwise, the level is WARN if messages were dropped since the last
-    status, and OK if not.
+    The level is STALE if the opening is not known. If it is known, the level is WARN if messages were dropped since the
+    last status, otherwise OK.
 
     Parameters
     ----------
@@ -138,11 +138,11 @@ def opening_status(node: str, opening: Opening, counts: MessageCounts, before: M
     opening
         Present opening.
     counts
-        Present counts of the messages that the source has received.
+        Current counts of the messages that the source has received.
     before
         Counts of the same messages at the last status.
     remedy
-        Text that says which data the source lacks.
+        Text that names the missing data.
     """
     dropped = dropped_since(counts, before)
     is_known = not math.isnan(opening.gap)

@@ -1,4 +1,4 @@
-"""Declare, read and change the ROS 2 parameters of a node, as its table of settings defines them."""
+"""Declare, read and change the ROS 2 parameters that a node's table of settings defines."""
 
 import math
 from array import array
@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter as RosParameter
 from tactile_node.errors import ConfigurationError
 from tactile_node.ros.settings import NodeSettings, Parameter, table
 
-SIMILAR = 0.8  #: similarity from which an unknown name counts as a misspelling of a known name
+SIMILAR = 0.8  #: lowest similarity at which an unknown name counts as a misspelling of a known name
 
 Settings = TypeVar('Settings', bound=NodeSettings)
 
@@ -68,7 +68,7 @@ def _declare_without_values(node: Node, row: Parameter, descriptor: ParameterDes
 
 
 def read(node: Node, settings: type[Settings]) -> Settings:
-    """Return the present values of the parameters of ``settings``."""
+    """Return the current values of the parameters of ``settings``."""
     return settings(**{row.name: _immutable(node.get_parameter(row.name).value) for row in table(settings)})
 
 

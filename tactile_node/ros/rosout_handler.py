@@ -33,7 +33,7 @@ class RosoutHandler(logging.Handler):
 
 
 def of_node(node: Node, **facts: object) -> dict[str, object]:
-    """Return the argument ``extra`` for a log call whose record ``node`` must publish, including ``facts``."""
+    """Return the argument ``extra`` that adds ``facts`` to a log record and makes ``node`` publish the record."""
     return {'node': node.get_logger().name, **facts}
 
 

@@ -55,7 +55,7 @@ def parameter(default: Default, description: str, low: float = -math.inf, high: 
 
 @dataclass(frozen=True)
 class NodeSettings:
-    """Parameters of every node, which configure the queues of the topics that carry one message per frame."""
+    """Parameters that every node has, for the queues of the topics with one message per frame."""
 
     queue_depth: int = parameter(10, 'number of messages that a publisher or subscription keeps; the oldest is '
                                  'discarded first. At most 2 frames wait for a stage, except in a lossless replay', 1,
@@ -89,7 +89,7 @@ class ReceiverSettings(NodeSettings):
 
     @property
     def most_waiting(self) -> int:
-        """Maximum number of frames that wait for a stage. A slow stage lags behind by all waiting frames."""
+        """Maximum number of frames that wait for a stage. A slow stage may lag behind by this number."""
         return self.queue_depth if self.lossless else min(self.queue_depth, MOST_WAITING)
 
 
@@ -247,11 +247,11 @@ class GraspNodeSettings(ReceiverSettings):
 
     @property
     def fingers(self) -> tuple[str, ...]:
-        """tf frames on the left and on the right finger, with the prefix."""
+        """tf frames on the left and on the right finger, including ``frame_prefix``."""
         return tuple(self.frame_prefix + name.lstrip('/') for name in self.gap_frames)
 
     @property
     def frames_of_pads(self) -> tuple[str, ...]:
-        """Frames of the left and the right pad. A frame that is not given has the default name that the driver uses."""
+        """Frames of the left and the right pad. A frame that is not given has the driver's default name."""
         return tuple(self.frame_prefix + (name or f'{pad.rsplit("/", 1)[-1]}_pad')
                      for name, pad in zip(self.pad_frames, (self.left_pad, self.right_pad)))

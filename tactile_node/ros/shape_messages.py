@@ -37,7 +37,7 @@ class PadShape:
     Parameters
     ----------
     bare
-        Message without box, `hollow` and solid, unless the message was received and has all fields.
+        Message in which box, `hollow` and solid are not filled in yet; a received message is complete.
     result
         Result from which the message was created; None for a received message.
     solid_height
@@ -107,7 +107,7 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
 
 
 def shapes_message(contact: PadContact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:
-    """Return a message with the ``shapes`` of the largest of all ``contacts`` on the pad, at most MOST_SHAPES."""
+    """Return a message with the ``shapes`` of the largest contacts and the number of all ``contacts`` on the pad."""
     return ContactShapes(header=contact.header, sequence=contact.sequence, state=pad_state(contact.found),
                          contacts=contacts, pad_seen=contact.found.visibility.pad_seen, shapes=shapes)
 
@@ -150,7 +150,7 @@ def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
 
 
 def _nowhere() -> PoseWithCovariance:
-    """Return a pose of NaN, which nobody can mistake for a valid pose."""
+    """Return a pose in which every number is NaN, so that it cannot be mistaken for a valid pose."""
     message = PoseWithCovariance(covariance=np.full(36, np.nan))
     for part in (message.pose.position, message.pose.orientation):
         for axis in part.get_fields_and_field_types():

@@ -1,12 +1,12 @@
-"""Detect if the messages on a topic come from two sources, for example from drivers with the same name on two hosts."""
+"""Detect two sources of messages on one topic, for example drivers with the same name on two hosts."""
 
 import math
 
-#: Time for which a source counts as present after its last message [s]. A busy machine may delay a driver by some
+#: Time for which a source counts as present after its last message [s]. A busy machine may delay a driver by a few
 #: tenths of a second just when another driver starts. A restarted driver takes longer than SOURCE_HOLD to send its
 #: first message.
 SOURCE_HOLD = 1.0
-SOURCE_REACH = 10  #: number of frames by which a source may always advance; a larger advance needs enough elapsed time
+SOURCE_REACH = 10  #: number of frames by which a source may always advance; a larger advance must fit the elapsed time
 SOURCE_LEAP = 1.5  #: factor by which the frame rate of a source may exceed its earlier rate
 MOST_SOURCES = 16  #: maximum number of sources that the guard remembers
 
@@ -36,9 +36,9 @@ class SourceGuard:
     """Detects a second source on a topic by the sequence numbers, which are consecutive if the topic has one source.
 
     While two sources send, the guard accepts no message, because it cannot know which source is the right one. A source
-    counts as present from its second message on. The first message of a source is not accepted while another source
-    sends. A restarted source is therefore accepted once the previous source has been silent for SOURCE_HOLD. The ROS
-    graph cannot tell sources apart in time, because a killed publisher stays in the graph for 20 s.
+    counts as present once its second message arrives. The first message of a source is not accepted while another
+    source sends. A restarted source is therefore accepted once the previous source has been silent for SOURCE_HOLD. The
+    ROS graph cannot tell sources apart in time, because a killed publisher stays in the graph for 20 s.
 
     Examples
     --------
@@ -89,7 +89,7 @@ LONGEST_GAP = 0.1  #: longest gap between messages that counts towards the decay
 
 
 class StampGuard:
-    """Rejects messages on one topic whose stamps are ahead of the time that has passed since the earlier messages.
+    """Rejects messages on one topic whose stamps advance by more than the time that has passed.
 
     A stamp, which comes from the sender's clock, may advance by the time that has passed on this host's steady clock
     plus STAMP_TOLERANCE. The class `DelayEstimator` handles late messages. A replay at a different pace advances in

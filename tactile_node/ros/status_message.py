@@ -19,7 +19,7 @@ from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
-#: NMT state -> its number in NodeStatus.msg; None is the state of a node that was never heard
+#: NMT state -> its number in NodeStatus.msg; None is the state of a node that was never heard from
 NMT_NUMBERS: Mapping[int | None, int] = {None: NodeStatus.NMT_NOT_KNOWN, NmtState.BOOT_UP: NodeStatus.NMT_BOOT_UP,
                NmtState.STOPPED: NodeStatus.NMT_STOPPED, NmtState.OPERATIONAL: NodeStatus.NMT_OPERATIONAL,
                NmtState.PRE_OPERATIONAL: NodeStatus.NMT_PRE_OPERATIONAL}
@@ -72,7 +72,7 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
 
 
 def _level(level: bytes) -> int:
-    """Return the level as a number of SkinStatus, which begins at 1 because 0 is the default of a message field."""
+    """Return the level as a SkinStatus number; these begin at 1, because 0 is the default of a message field."""
     return level[0] + 1
 
 

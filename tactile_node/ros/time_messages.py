@@ -1,4 +1,4 @@
-"""Convert seconds since the Unix epoch to Time, seconds to Duration, and both messages to seconds."""
+"""Convert seconds since the Unix epoch to Time and back, and seconds to Duration and back."""
 
 import math
 

@@ -97,11 +97,11 @@ class TouchClient:
 
     @property
     def is_ready(self) -> bool:
-        """True if the gripper node's action server and its topic of outcomes were discovered."""
+        """True if the gripper node's action server and outcome topic were discovered."""
         return self._client.server_is_ready() and self._node.count_publishers(self._outcomes.topic_name) > 0
 
     def send(self, position: float, speed: float = 0.0, effort: float = 0.0, *, goal: Any = None) -> TouchGoal:
-        """Send a goal. Keep the returned object, because the client drops the outcome of an object that nobody keeps.
+        """Send a goal. Keep a reference to the returned object. Otherwise, the client drops the outcome of the goal.
 
         Parameters
         ----------

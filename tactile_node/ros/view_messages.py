@@ -1,9 +1,9 @@
 """Messages for viewers: markers for a contact and its shape, images of the taxels, and a wrench for the pressures.
 
 Every marker message contains the same set of markers, each in a separate namespace and with the ID 0. Each message adds
-a marker that has something to draw, and deletes a marker that has not. A viewer therefore never keeps a marker of an
-earlier message, even if the viewer has missed messages. All markers of a message are in the pad frame and come from one
-taxel frame, so an outline is never drawn over newer taxels.
+the markers that have something to draw, and deletes the others. A viewer therefore never keeps a marker of an earlier
+message, even if the viewer has missed messages. All markers of a message are in the pad frame and come from one taxel
+frame, so an outline is never drawn over newer taxels.
 
 Row 0 of an image is row 0 of the pad. A viewer draws row 0 at the top, so the pad's y axis points down and its z axis
 points away from the user. The image therefore shows the pad from behind, as seen from inside the finger.
@@ -110,7 +110,7 @@ class ContactMarkers:
 
 
 def _outline(contact: Contact, shape: ContactShape) -> Marker | None:
-    """Return the fitted outline as a closed line, or None without a fit."""
+    """Return the fitted outline as a closed line, or None if there is no fit."""
     if not shape.fit_valid or not shape.outline.points:
         return None
     marker = _marker(Marker.LINE_STRIP, LINE_WIDTH * contact.pitch)
@@ -148,7 +148,7 @@ def _centre_of_pressure(contact: Contact, shape: ContactShape) -> Marker | None:
 
 
 def _name(contact: Contact, shape: ContactShape) -> Marker:
-    """Return the class and its probability as text beyond the last row, even for a pad that is empty or not seen."""
+    """Return a text marker with the class and its probability beyond the last row, even for an empty or unseen pad."""
     marker = _marker(Marker.TEXT_VIEW_FACING, height=LETTER * contact.pitch)
     marker.color = TEXT
     marker.pose.position = Point(x=(contact.cols - 1) / 2 * contact.pitch, y=(contact.rows + LETTER) * contact.pitch)
@@ -170,7 +170,7 @@ def _marker(kind: int, width: float = 0.0, depth: float = 0.0, height: float = 0
 
 
 def _above(contact: Contact, x: float, y: float) -> Point:
-    """Return a point of a line [m]. The point lies above the skin, so that the taxels do not hide the line."""
+    """Return one point of a line [m]. The point lies above the skin, so that the taxels do not hide the line."""
     return Point(x=float(x), y=float(y), z=ABOVE * contact.pitch)
 
 
@@ -179,7 +179,7 @@ class MarkerLifetime:
 
     A viewer measures lifetimes by its own clock, which is the clock of the log in a replay with use_sim_time, otherwise
     the steady clock. An interval is therefore measured on both clocks, and the longer value is used. The lifetime
-    follows the shorter of the last two intervals, so that markers after an outage do not live longer.
+    follows the shorter of the last two intervals, so that an outage does not prolong the lifetime of later markers.
     """
 
     def __init__(self) -> None:
