@@ -50,7 +50,7 @@ class ContactMoments(NamedTuple):
     #: finger and the contact continue beyond the skin. If the finger ends at the edge of the skin, the force is
     #: complete, even if the object is larger.
     force_is_bound: bool
-    centre_of_pressure_is_bound: bool  #: True if the centre is that of only the measured part of the contact
+    centre_of_pressure_is_bound: bool  #: True if the centre is that of the measured part only
 
     #: True if hidden taxels or the pad's edge adjoin the contact, so that the contact may be larger. The field is also
     #: True if taxels are saturated, because a fit may then be too large.
@@ -229,9 +229,9 @@ def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
 
 
 def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float:
-    """Return the standard deviation of a weighted mean of places.
+    """Return the standard deviation of a weighted mean of positions.
 
-    The derivative of the mean with respect to a weight is the ``offset`` of the place from the mean, divided by
+    The derivative of the mean with respect to a weight is the ``offset`` of the position from the mean, divided by
     ``total``.
     """
     weighted = deviation * offset

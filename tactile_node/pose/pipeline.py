@@ -123,7 +123,7 @@ class _Answer(NamedTuple):
     recognition: Recognition
 
     def holds_for(self, found: FoundContact, stamp: float, correlation_time: float) -> bool:
-        """Return True if a later frame follows so soon and is so similar that it adds no information."""
+        """Return True if a later frame is too soon and too similar to add information."""
         pattern, before = found.pattern, self.found.pattern
         # A shape that these taxels do not support is reused like a confident recognition, because its confidence cannot
         # rise.
@@ -194,7 +194,7 @@ class ContactPipeline:
         saturated : array_like or None
             True for each taxel at the end of its range, bool (rows, cols).
         unmapped : array_like or None
-            True for each place without a taxel, bool (rows, cols).
+            True for each cell without a taxel, bool (rows, cols).
         """
         if self._curve is not None and values.dtype != bool:
             values = self._curve(values.astype(float))
@@ -265,9 +265,9 @@ class ContactPipeline:
         return results
 
     def restart(self) -> None:
-        """Forget the shape that earlier frames have shown.
+        """Forget the shape recognised in earlier frames.
 
-        Call this method when the pad is known to touch another object.
+        Call this method when you know that the pad touches another object.
         """
         self._follower.restart()
         self._motion.restart()
