@@ -102,7 +102,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
                          got=f'{values.shape} and {mask.shape}', remedy='Pass the values and the mask of one frame.')
     if unit not in VALUE_UNITS:
         raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(VALUE_UNITS)}',
-                                 got=repr(unit), remedy='Use the unit that the skin layout states.')
+                                 got=repr(unit), remedy='Use the unit given in the skin layout.')
     check_pitch(pitch)
     if visibility is None:
         visibility = visibility_of(ContactPattern.of(mask, values))
