@@ -1,4 +1,4 @@
-"""Convert a contact pattern to a patch: the contact on a small grid, in a standard place, level and orientation.
+"""Convert a contact pattern to a patch: the contact on a small grid, with a standard position, level and orientation.
 
 The patch is the input of the learned recogniser. The contact in the patch consists of the pattern's mask and the
 pressed pieces close to the mask, because silent columns and dead taxels break a contact into pieces. If the taxels

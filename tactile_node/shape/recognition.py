@@ -43,7 +43,7 @@ class UnknownReason(IntEnum):
     NOT_SEEN = 2       #: hidden taxels may hide a contact, or the outline of a contact
     UNFAMILIAR = 3     #: the contact is seen, and its outline matches none of the known shapes
     TOO_SMALL = 4      #: the contact is seen and has too few taxels
-    CUT_BY_EDGE = 5    #: the contact is seen, and the pad's edge cuts it
+    CUT_BY_EDGE = 5    #: the contact is seen, and the pad's edge cuts it off
     HOLLOW = 6         #: the contact is seen and encloses taxels that are not pressed
     SEVERAL_PARTS = 7  #: the contact is seen and consists of several parts
     COVERS_PAD = 8     #: an object covers most of the pad, so that its outline is not seen
