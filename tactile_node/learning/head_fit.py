@@ -26,7 +26,7 @@ FOREIGN = OUTPUTS.index(Shape.UNKNOWN)
 
 
 class Background(NamedTuple):
-    """Contacts of objects that are not taught.
+    """Contacts of untaught objects.
 
     ``labels``, (K,), holds indices into OUTPUTS. The index FOREIGN means none of the five shapes.
     """

@@ -15,7 +15,7 @@ REST_SHARE = 0.04   #: Share of the frames from which the zero is computed. The 
 LEAST_REST = 10     #: Smallest number of frames at rest.
 
 #: A frame counts as at rest only if it has more valid taxels than this share of the largest number in any frame. With
-#: fewer valid taxels, the pad may be loaded unseen.
+#: fewer valid taxels, the pad may carry a load that is not seen.
 MOST_SEEN = 0.9
 
 

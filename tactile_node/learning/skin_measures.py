@@ -24,7 +24,7 @@ class SkinMeasures(NamedTuple):
 
     noise: float  #: standard deviation of a taxel at rest, as a share of the contact's level
     gains: float  #: standard deviation of the logarithm of the taxels' gains
-    halo: float   #: reading all around a contact at a distance of two taxels, as a share of the contact's level
+    halo: float   #: reading around a contact at a distance of two taxels, as a share of the contact's level
 
     def __str__(self) -> str:
         return '; '.join(f'{name} {_percent(value)}' for name, value in zip(
@@ -112,7 +112,7 @@ def _rest(frame: TouchFrame) -> float:
 
 
 def _skirt(values: np.ndarray, mask: np.ndarray) -> float:
-    """Return the lower quartile of the readings two taxels beside the contact ``mask``."""
+    """Return the lower quartile of the readings two taxels away from the contact ``mask``."""
     near = grown(mask)
     skirt = values[grown(near) & ~near & np.isfinite(values)]
     return float(np.quantile(skirt, 0.25)) if skirt.size else np.nan

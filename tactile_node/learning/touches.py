@@ -2,7 +2,7 @@
 
 A touch consists of the frames of a pad from the first contact with an object until the object is lifted.
 
-Only a few frames of a touch are kept, at equal steps, because more frames of the same touch add no information. The
+Only a few evenly spaced frames of a touch are kept, because more frames of the same touch add no information. The
 recognition of shapes is not part of this module.
 """
 
@@ -68,7 +68,7 @@ class TouchFrame(NamedTuple):
 class Touch(NamedTuple):
     """One touch of an object on the pad."""
 
-    frames: tuple[TouchFrame, ...]  #: at least one frame, at equal steps through the touch
+    frames: tuple[TouchFrame, ...]  #: one or more frames, evenly spaced through the touch
 
     @property
     def middle(self) -> TouchFrame:
@@ -115,7 +115,7 @@ class TouchFinder:
         self.reason: Unused | None = None
 
     def feed(self, values: np.ndarray, saturated: np.ndarray | None = None) -> list[Touch]:
-        """Process a frame, and return the touches that the frame ends, usually none or one.
+        """Process a frame, and return the touches that end with this frame, usually none or one.
 
         A frame in which the pad is not seen does not end a touch, because such a frame does not show that the object
         was lifted.
@@ -190,13 +190,13 @@ class TouchFinder:
 
 
 def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
-    """Return a touch with at most ``most`` of the frames, at equal steps."""
+    """Return a touch with at most ``most`` of the frames, evenly spaced."""
     which = np.unique(np.linspace(0, len(frames) - 1, most).round().astype(int))
     return Touch(tuple(frames[k] for k in which))
 
 
 class AnyTouchFinder(TouchFinder):
-    """Finds all touches that the pad's edge does not cut, even if the touches are unclear."""
+    """Finds all touches that the pad's edge does not cut off, including unclear ones."""
 
     def _why_unusable(self, found: FoundContact) -> Unused | None:
         return Unused.AT_EDGE if touches_edge(found.pattern.mask) else None
