@@ -167,7 +167,7 @@ def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
 def _lean(left: Face, right: Face, gripper: Gripper) -> Point:
     """Return `HeldObject.lean`.
 
-    A pressure gradient that is the same on both pads does not come from a rotation of the gripper, so such a gradient
+    A rotation of the gripper does not cause the same pressure gradient on both pads, so a gradient common to both pads
     cancels out.
     """
     rise = gripper.left.rotation[:, :2] @ left.slope - gripper.right.rotation[:, :2] @ right.slope

@@ -91,7 +91,7 @@ class LatestGap:
         self._measured = math.nan
 
     def set(self, gap: float, measured: float) -> None:
-        """Store a value that was measured at the time ``measured``. A value of NaN withdraws the previous value."""
+        """Store a value measured at the time ``measured``. A value of NaN withdraws the previous value."""
         self._gap = gap
         self._measured = measured
 

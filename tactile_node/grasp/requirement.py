@@ -16,7 +16,7 @@ NO_SHAPES = ('', Shape.NONE.value, Shape.UNKNOWN.value)
 
 
 class Missing(IntEnum):
-    """Part of a requirement that is not met. RequirementState.msg uses the same numbers."""
+    """Unmet part of a requirement. RequirementState.msg uses the same numbers."""
 
     NOT_KNOWN = 0        #: not evaluated
     NOTHING = 1
@@ -88,7 +88,7 @@ class Requirement:
 
 
 def missing(requirement: Requirement, state: GraspState, sides: tuple[SideShape, SideShape]) -> tuple[Missing, ...]:
-    """Return the parts of a requirement that are not met, in the order of `Missing`, or () if all parts are met.
+    """Return the unmet parts of a requirement in the order of `Missing`, or () if all parts are met.
 
     Parameters
     ----------

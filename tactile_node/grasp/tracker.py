@@ -83,7 +83,7 @@ class GraspState(NamedTuple):
     line_is_bound: bool
     held: float  #: time for which the shapes and centres on both sides have stayed the same [s]
 
-    #: True if the grasp is two-sided and fresh and has held long enough, while neither contact creeps or moves
+    #: True if the grasp is two-sided and fresh, has held long enough, and neither contact creeps or moves
     stable: bool
     creep: float  #: speed of the faster centre [m/s], or NaN if unknown
 

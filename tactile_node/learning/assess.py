@@ -52,7 +52,7 @@ class LabelledTouch(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """Counts of the recognitions of some touches."""
+    """Counts of recognitions over some touches."""
 
     total: int           #: all recognitions
     right: int           #: recognitions whose most probable class is the label
@@ -131,7 +131,7 @@ class Assessment(NamedTuple):
     If there are too few touches for an adaptation, the fields with a default value keep this value.
     """
 
-    before: Answers  #: recognitions by the recogniser that was assessed
+    before: Answers  #: recognitions by the assessed recogniser
 
     #: recognitions by adapted recognisers. Each touch is recognised with an adaptation that was fitted without this
     #: touch.

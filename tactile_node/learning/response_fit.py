@@ -21,7 +21,7 @@ from tactile_node.pose.profiles import PUNCH, Indenter, Layer, log_depth_from
 from tactile_node.shape.recognition import Shape
 from tactile_node.taxel_frame import read_only
 
-#: Smallest number of presses. Each press must be at a different place, because every place has its own error.
+#: Smallest number of presses. Each press must be at a different position, because every position has its own error.
 LEAST_PRESSES = 6
 PRESS_ERROR = 0.01      #: Relative error of the lengths in a single press.
 PRIOR_SPREADS = 0.5, 0.15       #: Prior standard deviations of exponent - 1 and of bend.
@@ -39,7 +39,7 @@ LAYER_ERROR = 0.08      #: Standard deviation of the error in log depth that all
 
 #: Largest relative error of the lengths after calibration. A larger error means that another disc was pressed.
 LARGEST_ERROR = 0.03
-BOUND_MARGIN = 0.02         #: An exponent that is closer to its bound than this is not a valid result.
+BOUND_MARGIN = 0.02         #: An exponent closer to its bound than this is not a valid result.
 
 #: Relative error by which a fit overestimates a flat disc with sharp edges, and the change of this error per unit of
 #: edge radius / inscribed radius. Fits are correct on average, but edges differ (bench/bench_calibration.py --edges).

@@ -23,7 +23,7 @@ class SkinMeasures(NamedTuple):
     """Measured properties of a skin. Unknown properties are NaN, as are all properties of on/off taxels."""
 
     noise: float  #: standard deviation of a taxel at rest, as a share of the contact's level
-    gains: float  #: standard deviation of the logarithm of the taxels' gains
+    gains: float  #: standard deviation of the taxels' log gains
     halo: float   #: reading around a contact at a distance of two taxels, as a share of the contact's level
 
     def __str__(self) -> str:
@@ -77,7 +77,7 @@ def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
 
 
 def fixed_part(residuals: Iterable[np.ndarray]) -> tuple[float, float]:
-    """Split residuals into a part that is constant for each taxel and a part that changes from frame to frame.
+    """Split residuals into a part constant for each taxel and a part that changes from frame to frame.
 
     Parameters
     ----------

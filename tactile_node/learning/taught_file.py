@@ -1,6 +1,6 @@
 """Read and write the file of taught shapes.
 
-The file contains the unchanged arrays of the base, the heads, and the examples that are needed to teach more shapes.
+The file contains the unchanged arrays of the base, the heads, and the examples needed to teach more shapes.
 
 The file is an .npz file without pickled objects. `ShapeRecogniser.from_file` loads the file instead of the base.
 """

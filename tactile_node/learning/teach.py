@@ -25,7 +25,7 @@ MOST_TAKEN = 0.0015  #: Largest share of the five shapes' contacts that a taught
 
 #: Share of a shape's own examples, those with the least evidence, that the second threshold ignores.
 OWN_QUANTILE = 0.02
-OWN_SHARE = 0.5      #: Second threshold, as a share of the smallest evidence that is not ignored.
+OWN_SHARE = 0.5      #: Second threshold, as a share of the smallest evidence among the examples not ignored.
 
 #: Share of the held-out touches of each shape that a useful head must recognise. One touch in 30 may be wrong.
 LEAST_RIGHT = 0.95
@@ -86,7 +86,7 @@ class HeldOut(NamedTuple):
 
     @property
     def foreign(self) -> tuple[Rate, Rate]:
-        """Foreign contacts that are recognised as a shape, without and with the head."""
+        """Foreign contacts recognised as a shape, without and with the head."""
         before, after = (Rate(int(each[FOREIGN].sum() - each[FOREIGN, FOREIGN]), int(each[FOREIGN].sum()))
                          for each in (self.before, self.after))
         return before, after
@@ -123,7 +123,7 @@ def teach(recogniser: ShapeRecogniser, background: Background, shapes: Sequence[
     shapes : sequence of Examples
         Examples of each shape, all for the same kind of frame. A shape without examples is never reported.
     progress : callable
-        Function that is called STAGES times.
+        Function called STAGES times to report progress.
 
     Raises
     ------

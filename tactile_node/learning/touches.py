@@ -19,7 +19,7 @@ from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
 
-TOUCH_FRAMES = 5         #: Number of frames that are kept from a touch.
+TOUCH_FRAMES = 5         #: Number of frames kept from a touch.
 CENTRE_MOVED = 1.0       #: If the centre moves by more than this in one frame, another touch begins [pitches].
 MOST_HIDDEN_SHARE = 0.1  #: Largest share of the contact's taxels that may lack a value.
 
@@ -80,7 +80,7 @@ class Touches(NamedTuple):
     """The touches in a sequence of frames."""
 
     touches: list[Touch]
-    unused: dict[Unused, int]  #: number of frames that are not used, by reason
+    unused: dict[Unused, int]  #: number of unused frames, by reason
 
     def __str__(self) -> str:
         counts = ', '.join(f'{count} {reason.name.lower()}' for reason, count in sorted(self.unused.items()))
@@ -98,7 +98,7 @@ class TouchFinder:
     Attributes
     ----------
     unused : dict[Unused, int]
-        Number of frames that were not used, by reason.
+        Number of unused frames, by reason.
     reason : Unused or None
         Reason why the latest frame was not used, or None if the frame was used or had no contact.
     """
@@ -117,8 +117,7 @@ class TouchFinder:
     def feed(self, values: np.ndarray, saturated: np.ndarray | None = None) -> list[Touch]:
         """Process a frame, and return the touches that end with this frame, usually none or one.
 
-        A frame in which the pad is not seen does not end a touch, because such a frame does not show that the object
-        was lifted.
+        A frame in which the pad is not seen does not end a touch, because it does not show that the object was lifted.
 
         Parameters
         ----------

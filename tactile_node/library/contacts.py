@@ -365,7 +365,7 @@ def plot_frame(values: ArrayLike, fit: ShapeFit | None = None, pitch: float = 1.
     fit : ShapeFit or None
         Fit to draw.
     pitch : float
-        Pitch that was given to `fit_shape`.
+        Pitch passed to `fit_shape`.
     axes : Axes or None
         Matplotlib axes, or None for the axes of the current figure.
 

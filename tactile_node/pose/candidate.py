@@ -143,7 +143,7 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
     shape : Shape
         Shape of the outline.
     punch : Candidate
-        Candidate that was fitted as a punch.
+        Candidate fitted as a punch.
     """
     loading = loading_of(punch)
     if loading is None or shape not in DOMES or shape is Shape.CIRCLE and loading.peak > CIRCLE_PEAK:

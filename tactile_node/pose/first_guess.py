@@ -1,6 +1,6 @@
 """Compute a first guess of pose and size from moments in closed form.
 
-The guess uses moments up to the fourth order. The guess is exact for a shape that is completely visible.
+The guess uses moments up to the fourth order. The guess is exact for a completely visible shape.
 
 A uniform triangle is an affine image of the equilateral triangle. After whitening, the third moment of the triangle
 points to its corners. A side of a rectangle has the length sqrt(12 v), where v is the variance along the side. The

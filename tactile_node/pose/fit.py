@@ -148,7 +148,7 @@ class FitFollower:
     - in the first frame,
     - every SEARCH_PERIOD, because a dome or another corner may have become more likely,
     - if following the outline leads to a worse fit,
-    - if the evidence has grown by SEARCH_GROWTH. A contact that is pressed lightly or seen only in part may look like a
+    - if the evidence has grown by SEARCH_GROWTH. A contact under light pressure, or seen only in part, may look like a
       dome, whose outline is larger.
     """
 
@@ -214,7 +214,7 @@ UPRIGHT_SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
 
 def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, layer: Layer | None = None,
                 visibility: Visibility | None = None, find: Finder | None = None) -> ShapeFit | None:
-    """Fit a shape to the contact of a pattern, as `fit_shape` does, and mark lengths that are bounds.
+    """Fit a shape to the contact of a pattern, as `fit_shape` does, and mark the lengths that are only bounds.
 
     If part of a circle, a square or a rectangle is unseen, the fit contains the visible length and marks it as a bound.
     A triangle is completed, and its standard deviations show how certain the result is.

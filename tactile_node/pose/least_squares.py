@@ -29,7 +29,7 @@ class Solution(NamedTuple):
 
     parameters: np.ndarray
     prediction: Prediction
-    information: np.ndarray  #: inverse of the covariance of the parameters
+    information: np.ndarray  #: inverse covariance of the parameters
     misfit: float            #: sum weights (values - model)²
     cost: float              #: quantity that is minimised: the misfit plus the contribution of the prior
 
@@ -123,7 +123,7 @@ def solved(problem: Problem, at: Place) -> Solution:
 
 
 MOST_BLOCKS = 32   #: Largest number of blocks across a contact.
-BLOCKS_AROUND = 3  #: Number of blocks on each side of the contact that are also fitted.
+BLOCKS_AROUND = 3  #: Number of additional blocks to fit on each side of the contact.
 LEAST_SEEN = 0.5   #: Smallest share of valid taxels for which a block has a value.
 
 

@@ -18,8 +18,8 @@ from tactile_node.pose.profiles import Indenter
 from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
-MOST_PEAK = 1.2       #: Upper limit that is applied to the peak of a punch.
-MOST_DOME_PEAK = 2.0  #: Upper limit that is applied to peak - 1 of a dome.
+MOST_PEAK = 1.2       #: Upper limit applied to the peak of a punch.
+MOST_DOME_PEAK = 2.0  #: Upper limit applied to peak - 1 of a dome.
 
 # A fit never reports smaller standard deviations than these, because real taxels differ from modelled ones and a layer
 # differs from a half-space.
@@ -53,7 +53,7 @@ class ModelError(NamedTuple):
 
     bias: tuple[float, ...]       #: constant error under a punch or a dome
     of_size: tuple[float, ...]    #: coefficient of 1 / inscribed radius, with the radius in pitches
-    of_ratio: tuple[float, ...]   #: coefficient of the logarithm of the ratio of the two dimensions
+    of_ratio: tuple[float, ...]   #: coefficient of the log ratio of the two dimensions
     of_depth: tuple[float, ...]   #: coefficient of the taxels' depth / inscribed radius
     of_peak: tuple[float, ...]    #: coefficient of peak - 1
     deviation: tuple[float, ...]  #: standard deviation of the error about the sum of these terms

@@ -42,7 +42,7 @@ class ContactMoments(NamedTuple):
     centre_of_pressure: tuple[float, float]  #: [m]
     area: float  #: number of taxels of the contact, including invalid ones, times pitch² [m²]
     principal_axis: float  #: direction of the contact's longer axis, positive from x to y, in (-π/2, π/2] [rad]
-    filled: int  #: number of invalid taxels that were filled with the mean of their neighbours
+    filled: int  #: number of invalid taxels filled with the mean of their neighbours
     force_sd: float  #: [N]
     centre_of_pressure_sd: tuple[float, float]  #: standard deviation along x and along y [m]
 

@@ -23,7 +23,7 @@ from tactile_node.pose.track import ForceTrack, Track
 
 
 class Sight(NamedTuple):
-    """The measurements of one frame that are needed to follow the contact on a pad."""
+    """The measurements from one frame with which the contact on a pad is followed."""
 
     stamp: float  #: acquisition time of the frame [s]
     pattern: ContactPattern

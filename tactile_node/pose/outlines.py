@@ -12,7 +12,7 @@ CIRCLE_CORNERS = 32  #: Number of corners of the polygon that replaces a circle 
 
 
 class Outline(NamedTuple):
-    """A polygon with corners that are linear in its dimensions.
+    """A polygon whose corners are linear functions of its dimensions.
 
     Corner i is ``template[i] @ dimensions``, rotated by the angle.
     """

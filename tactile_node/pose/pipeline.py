@@ -52,8 +52,8 @@ class FoundContact(NamedTuple):
     pattern: ContactPattern
     visibility: Visibility  #: visibility of ``pattern``
     taxels: Taxels
-    #: size of the smallest contact that is reported [taxels]. The pad is not seen while hidden taxels could hold a
-    #: contact of this size.
+    #: size of the smallest reported contact [taxels]. The pad is not seen while hidden taxels could hold a contact of
+    #: this size.
     smallest_contact: int = SMALLEST_CONTACT
 
     @classmethod
@@ -105,7 +105,7 @@ class FoundContact(NamedTuple):
 class StreamedContact(NamedTuple):
     """The results for one frame, and the recognition over all frames since its contact began."""
 
-    #: the recognised contact: the largest contact, together with pieces that were separated from it
+    #: the recognised contact: the largest contact, together with the pieces joined to it
     contact: ContactPattern
     recognition: Recognition  #: recognition of this frame alone, or of a recent frame with the same taxels
     fused: FusedRecognition   #: recognition over all frames since the contact began
@@ -116,7 +116,7 @@ class StreamedContact(NamedTuple):
 
 
 class _Answer(NamedTuple):
-    """The recognition of one frame, and the contact that was recognised."""
+    """The recognition of one frame, and the recognised contact."""
 
     found: FoundContact
     stamp: float
@@ -148,7 +148,7 @@ class ContactPipeline:
     thresholds : PressThresholds or None
         Fixed press thresholds, or None to derive the thresholds from the noise.
     smallest_contact : int
-        Size of the smallest contact that is reported [taxels].
+        Size of the smallest reported contact [taxels].
     curve : Curve or None
         Function that turns readings into pressures.
     fusion : FusionSettings or None
@@ -238,7 +238,7 @@ class ContactPipeline:
         Returns
         -------
         found : FoundContact
-            The recognised contact, together with pieces that were separated from it.
+            The recognised contact, together with the pieces joined to it.
         recognition : Recognition
             Its recognition.
         """

@@ -54,7 +54,7 @@ class Found(NamedTuple):
     candidate: Candidate
     place: Place  #: point at which the model was last computed
     estimate: Estimate
-    others: np.ndarray        #: part of the covariance due to other outlines that are nearly as likely
+    others: np.ndarray        #: part of the covariance due to other, nearly as likely outlines
     residual: float  #: root mean square of the difference between value and model, as a fraction of the contact's level
     searched_residual: float  #: residual of the latest search
     on_off: bool

@@ -1,7 +1,7 @@
 """Decide whether a measured position is at rest or moves, by comparing the position with an earlier reference.
 
 The reference is the mean position over REFERENCE_TIME. The reference is old enough for a movement at the speed SLOWEST
-to have become detectable. A slower movement, such as drift, moves the reference along.
+to have become detectable. The reference follows a slower movement, such as drift.
 
 A position counts as moving once its distance from the reference exceeds both a step and the noise. Either two
 consecutive frames must exceed this limit, or one frame must exceed it clearly. If only a single frame exceeds the
@@ -14,7 +14,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-SLOWEST = 0.0004      #: Slowest speed that is detected [m/s].
+SLOWEST = 0.0004      #: Slowest detectable speed [m/s].
 REFERENCE_TIME = 0.3  #: Time over which the reference is averaged [s].
 STOPPED = 0.3         #: Shortest time without movement after which a position counts as stopped [s].
 FEWEST = 3            #: Smallest number of positions in a reference.

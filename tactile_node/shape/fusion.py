@@ -129,7 +129,7 @@ class RecognitionFusion:
         Raises
         ------
         InputError
-            Raised if a number is NaN or infinite, because such a number would stay in the evidence.
+            Raised if a number is NaN or infinite, because it would stay in the evidence.
         """
         _check(stamp, frame)
         if not frame.is_evidence:

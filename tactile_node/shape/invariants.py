@@ -51,7 +51,7 @@ def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> 
     levels : np.ndarray
         Levels of the patches, (K, SIDE, SIDE).
     unseen : np.ndarray
-        Share of each cell that is not seen, (K, SIDE, SIDE).
+        Unseen share of each cell, (K, SIDE, SIDE).
     scales : np.ndarray
         Width of a cell [taxels], (K,).
 
@@ -88,7 +88,7 @@ def _magnitudes(moments: np.ndarray) -> np.ndarray:
 
 
 def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the support function, (K, DIRECTIONS), of the cells that are more than half covered.
+    """Return the support function, (K, DIRECTIONS), of all cells more than half covered.
 
     The support function reaches half a cell beyond the centres of the cells.
     """

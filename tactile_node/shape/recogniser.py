@@ -1,8 +1,8 @@
 """Recognise shapes with a trained network: contact pattern -> patch and geometry -> network -> probabilities.
 
 The recogniser has two small networks, one for on/off taxels and one for pressures. Each network returns six logits.
-Five logits belong to the five classes and are divided by a temperature that was found on validation patterns. The sixth
-logit is for a contact with none of the five shapes and has a bias.
+Five logits belong to the five classes and are divided by a temperature fitted to validation patterns. The sixth logit
+is for a contact with none of the five shapes and has a bias.
 
 The weights are stored in config/recogniser.npz, which training/train.py writes. A file from `tactile teach` contains
 these weights and the heads of taught shapes (taught.py). A file from `tactile assess` contains these weights and the
@@ -40,7 +40,7 @@ DOUBT_GAIN = 0.2
 #: To be recognised alone, the largest piece must have at least this share of the taxels of all pieces. Pieces of
 #: similar size are parts of one contact.
 MOST_OF_PIECES = 0.5
-#: Smallest probability of UNKNOWN for a contact that is not convex.
+#: Smallest probability of UNKNOWN for a non-convex contact.
 NOT_CONVEX_PROBABILITY = 0.99
 LAYERS = len(TAPS) + 3
 MOST_ARRAY_BYTES = 1 << 24  #: Largest total size of the arrays in a file [bytes]. Actual files are far smaller.

@@ -1,8 +1,8 @@
-"""Find contacts that chance or noise may have formed, such as specks, lines and checkerboards.
+"""Find contacts that may have formed by chance or from noise, such as specks, lines and checkerboards.
 
-Taxels that are pressed at random form groups, which are larger where more taxels are pressed (site percolation). The
-density of pressed taxels is measured beside the contact. The size and compactness of random groups were simulated for
-each density, on 1,500 pads of 8x8 taxels, 1,500 pads of 16x16 taxels and 200 pads of 64x64 taxels. A real contact is
+Taxels pressed at random form groups, which are larger where more taxels are pressed (site percolation). The density of
+pressed taxels is measured beside the contact. The size and compactness of random groups were simulated for each
+density, on 1,500 pads of 8x8 taxels, 1,500 pads of 16x16 taxels and 200 pads of 64x64 taxels. A real contact is
 compact: most neighbours of its taxels also belong to the contact.
 """
 
@@ -167,7 +167,7 @@ def _extents(taxels: np.ndarray) -> tuple[int, int]:
 def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
     """Return True if the pressures do not fall off around the contact, or do not fall off along its rows or columns.
 
-    In such a case, the readings of the pad or of whole lines (hum) have risen without a contact.
+    In this case, the readings of the pad or of whole lines (hum) have risen without a contact.
     """
     near = together
     for _ in range(FALL + int(SLOPE * np.count_nonzero(together) ** 0.5)):

@@ -101,7 +101,7 @@ def as_far_as_it_holds(found: Recognition, low: Recognition) -> Recognition:
 
 
 def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
-    """Return the contact extended by the weak pressures connected to it, or None if there are no such pressures.
+    """Return the contact extended by the weak pressures connected to it, or None if there are no weak pressures.
 
     Parameters
     ----------

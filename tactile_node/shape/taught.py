@@ -37,12 +37,12 @@ class Head(NamedTuple):
     middle: np.ndarray   #: subtracted from the embedding, (F,)
     spread: np.ndarray   #: divisor of (embedding - middle), (F,)
 
-    #: logarithms of the smallest and the largest number of taxels of each shape, (N, 2). The range is empty for a shape
+    #: logarithms of the smallest and largest number of taxels for each shape, (N, 2). The range is empty for a shape
     #: that was not taught with this kind of frame.
     sizes: np.ndarray
 
     def evidence(self, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
-        """Return the logarithm of the odds of each taught shape against everything else.
+        """Return the log-odds of each taught shape against everything else.
 
         Parameters
         ----------
