@@ -1,4 +1,4 @@
-"""Close a gripper until its pads are touched or a force is reached, and decide when and why to stop.
+"""Close a gripper until both pads are touched or a force limit is reached, and decide when and why to stop.
 
 The module reads no clock; its callers pass the time. The module is not a safety function (ISO 13849, ISO 10218). The
 module limits only the force that the pads measure, and only after they have measured it. The gripper continues to close
@@ -23,8 +23,8 @@ LOST_AFTER = 0.1
 START_TIME = 1.0
 REST_TIME = 0.3     #: Time without a change of the opening after which the gripper counts as at rest [s].
 
-#: Time allowed for the gripper to come to rest after a command with an uncertain end, in addition to the time allowed
-#: for its answers [s].
+#: Time allowed for the gripper to come to rest if it is uncertain whether a command has ended [s]. The time allowed for
+#: the gripper's answers is added.
 REST_LIMIT = 2.0
 REST_CHANGE = 2e-4  #: Largest change of the opening at rest [m].
 
@@ -125,7 +125,7 @@ class Touch(NamedTuple):
         """Return these readings if both pads are seen, or else the readings ``before``.
 
         A single lost CAN frame must not make the gripper blind. If a pad is unseen, the readings ``before`` keep their
-        own time, but each force that a pad reads now replaces the old force of that pad.
+        own time, but any force that a pad reads now replaces that pad's old force.
         """
         if self.is_seen:
             return self
@@ -147,7 +147,7 @@ class TouchLimits:
     """
 
     widest: float = 0.08         #: jaw opening when the gripper is fully open [m]
-    fast_speed: float = 0.02     #: speed of the opening until the first touch [m/s]
+    fast_speed: float = 0.02     #: speed at which the opening changes until the first touch [m/s]
     slow_speed: float = 0.005    #: speed after the first touch, or while the opening is below slow_from [m/s]
     slow_from: float = 0.0       #: opening below which the gripper closes at slow_speed [m]; 0 to disable this
     touch_force: float = 2.0     #: force limit for goals that give no force [N]
@@ -177,7 +177,7 @@ class TouchLimits:
                 f'= {self.overshoot(self.fast_speed):.3g} N', remedy='Close more slowly, or allow more force.')
 
     def overshoot(self, speed: float) -> float:
-        """Return the force that builds up between a touch and the stop of the gripper [N]."""
+        """Return the force that builds up from a touch until the gripper stops [N]."""
         return self.latency * speed * self.stiffness
 
     def fastest(self, force: float) -> float:
@@ -189,7 +189,7 @@ class Goal(NamedTuple):
     """A client's request to move the gripper."""
 
     opening: float  #: [m]
-    speed: float  #: speed of the opening until the first touch [m/s]
+    speed: float  #: speed at which the opening changes until the first touch [m/s]
     force: float  #: limit for the larger of the two pad forces [N]
     until_touched: bool  #: True if the client gave no force, so that the gripper stops when both pads are touched
     speed_is_fixed: bool = False  #: True if the gripper does not accept a speed
@@ -365,9 +365,9 @@ class Closing:
 
 
 class Widening:
-    """A goal to open the gripper, even without readings of the pads.
+    """A goal to open the gripper, even without readings from the pads.
 
-    If the pads do read a rising force, the goal ends.
+    If the pads read a rising force, the goal ends.
 
     Parameters
     ----------
@@ -404,7 +404,7 @@ class Widening:
 
 
 class Rest:
-    """Checks from ``now`` [s] on whether the opening has stayed the same for REST_TIME."""
+    """Checks whether the opening has stayed the same for REST_TIME, starting at ``now`` [s]."""
 
     def __init__(self, now: float):
         self._since, self._opening = now, math.nan
@@ -420,11 +420,12 @@ class Rest:
 
 
 class Clearing:
-    """Waits until the gripper has answered and is at rest after a command with an uncertain end.
+    """Waits until the gripper has answered and is at rest, if it is uncertain whether a command has ended.
 
     A new goal closes the gripper only after this wait.
 
-    A gripper that refuses a cancel and never ends the command counts as at rest only if its opening is measured.
+    A gripper that refuses a cancel request and never ends the command counts as at rest only if its opening is
+    measured.
 
     Parameters
     ----------

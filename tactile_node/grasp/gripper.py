@@ -93,7 +93,7 @@ class PadPose:
     Raises
     ------
     ConfigurationError
-        Raised if ``xyz`` or ``rpy`` is not three finite numbers.
+        Raised if ``xyz`` or ``rpy`` does not consist of three finite numbers.
     """
 
     xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: origin of the pad frame: the centre of taxel (0, 0) [m]

@@ -50,7 +50,7 @@ class Face(NamedTuple):
 
     class_name: str                     #: class of ``fit``
     probabilities: Mapping[str, float]  #: probability of each class by name, including none and unknown; the sum is 1
-    centre: Point                       #: in the pad frame [m]
+    centre: Point                       #: centre in the pad frame [m]
     centre_sd: float                    #: standard deviation along each axis [m]
     fit: FaceFit | None
     force: float     #: [N]
@@ -128,7 +128,7 @@ def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple
     """Return the most probable class of both faces, and the probability that both faces have it.
 
     The prior assumes that both faces have the same class with the probability SAME_FACES, and that all classes are
-    equally likely. Probability that a side gives to none or unknown counts for no class.
+    equally likely. The probability that a side assigns to none or unknown supports no class.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def common_class(left: Mapping[str, float], right: Mapping[str, float]) -> tuple
 
 
 def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
-    """Return the midpoint of both centres for `HeldObject.centre`.
+    """Return the midpoint between both centres for `HeldObject.centre`.
 
     The opening moves the midpoint only along the closing direction, so the opening is not needed.
     """
@@ -167,7 +167,7 @@ def _centre(left: Point, right: Point, gripper: Gripper) -> Point:
 def _lean(left: Face, right: Face, gripper: Gripper) -> Point:
     """Return `HeldObject.lean`.
 
-    A pressure gradient that is the same on both pads does not come from a rotation of the gripper, so such a gradient
+    A rotation of the gripper does not cause the same pressure gradient on both pads, so a gradient common to both pads
     cancels out.
     """
     rise = gripper.left.rotation[:, :2] @ left.slope - gripper.right.rotation[:, :2] @ right.slope
@@ -176,7 +176,7 @@ def _lean(left: Face, right: Face, gripper: Gripper) -> Point:
 
 
 def _sized(held: HeldObject, fits: Sequence[FaceFit]) -> HeldObject:
-    """Return the object with the sizes from ``fits``, which are all of the object's class."""
+    """Return the object with the sizes from ``fits``, which all have the object's class."""
     names = fits[0].dimension_names
     of_each = zip(*(zip(fit.dimensions, fit.dimension_sds, fit.dimension_is_bound)
                     for fit in fits if fit.dimension_names == names))

@@ -1,6 +1,6 @@
 """Hold an object with a force after closing, and decide when to press harder, to ease off and to end the hold.
 
-The module reads no clock; its callers pass the time. Readings are trusted by the same rules as in closing.py. The
+The module reads no clock; its callers pass the time. The module trusts readings by the same rules as closing.py. The
 decision to press harder uses the highest force that the readings allow, and the decision to ease off uses the lowest
 force. The gripper rests while the force is unknown.
 
@@ -23,9 +23,9 @@ NOISE_CERTAINTY = 4.0  #: Largest error of a reading [standard deviations].
 BLIND_TIME = 1.0       #: Time without a known force after which the hold ends [s].
 SLIDE_PAUSE = 1.0      #: Shortest time between two reactions to sliding [s].
 
-#: Time for which a slide in one direction must be reported before the hold reacts [s]. This time consists of 0.2 s of
-#: sliding and of 0.3 s for which a report outlasts the slide (pose/track.py). A shorter slide may be sway: on a shaken
-#: hand, the object sways in the soft skin and returns.
+#: Time for which a slide in one direction must be reported before the hold reacts [s]. This time allows for 0.2 s of
+#: sliding, and for the 0.3 s by which a report outlasts the slide (pose/track.py). A shorter slide may be sway: on a
+#: shaken hand, the object sways in the soft skin and returns.
 SWAY_TIME = 0.5
 
 

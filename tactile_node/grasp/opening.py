@@ -30,7 +30,7 @@ class Opening(NamedTuple):
 
 UNKNOWN_OPENING = Opening()  #: Opening of a gripper without a source, or of a source without a value.
 
-#: Smallest plausible opening [m]. Two skins that are pressed into each other have an opening below 0.
+#: Smallest plausible opening [m]. Two skins pressed into each other have an opening below 0.
 LOWEST_GAP = -0.01
 HIGHEST_GAP = 1.0   #: Largest plausible opening [m].
 
@@ -45,7 +45,7 @@ def is_plausible(gap: float) -> bool:
 
 @dataclass(frozen=True)
 class LinearGap:
-    """Converts a reading, which is a sum of joint positions or a distance: gap = offset + scale * reading.
+    """Converts a reading (a sum of joint positions, or a distance) to an opening: gap = offset + scale * reading.
 
     >>> round(LinearGap(offset=0.085, scale=-0.1).gap(0.8), 6)  # a knuckle joint that closes as its angle rises
     0.005
@@ -84,14 +84,14 @@ class LatestGap:
     def __init__(self, source: GapSource, max_age: float = math.inf):
         if not max_age > 0:
             raise ConfigurationError('age limit of the opening', expected='more than 0 s', got=f'{max_age}',
-                                     remedy='Give at least two periods of the source.')
+                                     remedy='Give at least twice the period of the source.')
         self._source = source
         self._max_age = max_age
         self._gap = math.nan
         self._measured = math.nan
 
     def set(self, gap: float, measured: float) -> None:
-        """Store a value that was measured at the time ``measured``. A value of NaN withdraws the previous value."""
+        """Store a value measured at the time ``measured``. A value of NaN withdraws the previous value."""
         self._gap = gap
         self._measured = measured
 

@@ -1,4 +1,4 @@
-"""Requirements on a grasp, and a check of which parts of a requirement a grasp does not meet."""
+"""Requirements on a grasp, and a check that lists the parts of a requirement that a grasp does not meet."""
 
 import math
 from collections.abc import Iterator
@@ -16,13 +16,13 @@ NO_SHAPES = ('', Shape.NONE.value, Shape.UNKNOWN.value)
 
 
 class Missing(IntEnum):
-    """Part of a requirement that is not met. RequirementState.msg uses the same numbers."""
+    """Unmet part of a requirement. RequirementState.msg uses the same numbers."""
 
     NOT_KNOWN = 0        #: not evaluated
     NOTHING = 1
     NO_RESULT = 2   #: a side has no result yet
     UNSEEN = 3      #: a side is hidden, or its results are missing or too old
-    NO_CONTACT = 4  #: both pads are seen and empty
+    NO_CONTACT = 4  #: nothing touches either pad, and both pads are seen
     ONE_SIDED = 5
     NOT_FRESH = 6  #: the acquisitions of both sides are too far apart in time
     BOUND = 7      #: a contact may extend beyond the seen area
@@ -38,7 +38,7 @@ class Missing(IntEnum):
     MISALIGNED = 17
 
 
-#: Code of the unmet part for each state of contact except TWO_SIDED, for which no part is unmet.
+#: Code of the unmet part for each state of contact. TWO_SIDED is the required state and has no code.
 CONTACT_MISSING = {GraspContact.NOT_KNOWN: Missing.NO_RESULT, GraspContact.UNSEEN: Missing.UNSEEN,
                    GraspContact.NO_CONTACT: Missing.NO_CONTACT, GraspContact.ONE_SIDED: Missing.ONE_SIDED}
 
@@ -60,7 +60,7 @@ class Requirement:
         Raised if a limit is NaN, infinite or below 0, a confidence is above 1, or a shape cannot be required.
     """
 
-    shapes: frozenset[str] = frozenset()  #: classes of which both sides must report one; empty for any
+    shapes: frozenset[str] = frozenset()  #: classes of which each side must report one; empty to accept any
     min_confidence: float = 0.0           #: smallest confidence that each side must have
     min_held: float = 0.0                 #: shortest time for which the grasp must have held [s]
     min_width: float = 0.0                #: smallest distance between the contacts [m]
@@ -88,7 +88,7 @@ class Requirement:
 
 
 def missing(requirement: Requirement, state: GraspState, sides: tuple[SideShape, SideShape]) -> tuple[Missing, ...]:
-    """Return the parts of a requirement that are not met, in the order of `Missing`, or () if all parts are met.
+    """Return the unmet parts of a requirement in the order of `Missing`, or () if all parts are met.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _wrong_shape(requirement: Requirement, sides: tuple[SideShape, SideShape]) -
 
 
 def _wrong_line(requirement: Requirement, line: Line | None) -> Iterator[Missing]:
-    """Yield the limits of the line that are not met.
+    """Yield the code of each limit that the line between the contacts does not meet.
 
     An unknown value neither meets nor violates a limit, so unknown values have their own codes.
     """

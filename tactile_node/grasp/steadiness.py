@@ -1,15 +1,15 @@
-"""Decide whether a contact is at rest, from a centre that is measured with noise and in discrete steps.
+"""Decide whether a contact is at rest, from noisy measurements of its centre in discrete steps.
 
-A straight line is fitted to the centres since the hold began, but at most to the centres of the last `WINDOW_TIMES`
-resolution times. One resolution time is the time in which a creep of ``max_creep`` covers the resolution. The slope of
-the line is the speed. The error of the speed is at most the sum of two parts. The first part is `SPEED_CERTAINTY`
-standard deviations of the noise, which is estimated from the scatter around the line. The second part is 1.5 resolution
-/ length, because an error within ± resolution / 2 cannot tilt a line by more than this. The true speed therefore lies
-within a range, which is compared with limits:
+The module fits a straight line to the centres measured since the hold began, but at most to those of the last
+`WINDOW_TIMES` resolution times. One resolution time is the time in which a creep at ``max_creep`` covers the
+resolution. The slope of the line is the speed. The error of the speed is at most the sum of two parts. The first part
+is `SPEED_CERTAINTY` standard deviations of the noise, which is estimated from the scatter around the line. The second
+part is 1.5 resolution / length, because an error within ± resolution / 2 cannot tilt a line by more than this. The true
+speed therefore lies within a range, which is compared with limits:
 
 - A centre counts as resting once the whole range is below ``max_creep``. A centre that creeps steadily at ``max_creep``
   therefore never counts as resting.
-- A centre no longer counts as resting once the whole range is above `KEPT_CREEP` x ``max_creep``. A creep of a tenth of
+- A centre no longer counts as resting once the whole range is above `KEPT_CREEP` x ``max_creep``. A creep at a tenth of
   ``max_creep`` therefore never ends a rest.
 - A sudden move ends the rest immediately. A move is sudden if its distance from the line exceeds both the tolerance and
   the distance that noise and resolution explain.
@@ -36,7 +36,7 @@ SLIP_CERTAINTY = 6.0
 SYSTEMATIC_SLOPE = 1.5
 KEPT_CREEP = 0.4  #: Share of max_creep above which a centre no longer counts as resting.
 
-#: Length of the window [resolution times]. The window is long enough for a creep of max_creep to exceed `KEPT_CREEP`,
+#: Length of the window [resolution times]. The window is long enough for a creep at max_creep to exceed `KEPT_CREEP`,
 #: whatever the error within the resolution.
 WINDOW_TIMES = 9.0
 SHORTEST_WINDOW = 3.0  #: Shortest window for any resolution [s], because averaging the noise also takes time.
@@ -49,7 +49,7 @@ BACK_STEP = 0.02
 # were measured on synthetic contacts of all classes (test/test_steadiness.py).
 FIT_RESOLUTION = 0.1       #: centre of a fit
 PRESSURE_RESOLUTION = 0.5  #: centre of pressure, which jumps as taxels join and leave the contact
-PATTERN_RESOLUTION = 1.0   #: centre of on/off taxels that move along rows or columns
+PATTERN_RESOLUTION = 1.0   #: centre of an on/off contact that moves along rows or columns
 
 
 @dataclass(frozen=True)

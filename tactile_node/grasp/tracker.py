@@ -22,7 +22,7 @@ SHORTEST_SILENCE = 0.1  #: [s]
 SILENT_PERIODS = 3
 #: Share of the silent time after which the tracker reports a silence, so that planners notice the silence in time.
 NOTICE_SHARE = 0.75
-PERIODS_KEPT = 15    #: Number of latest periods of which the median is the period of a side.
+PERIODS_KEPT = 15    #: Number of latest periods whose median is taken as the period of a side.
 
 
 class SideState(IntEnum):
@@ -50,12 +50,12 @@ class SideResult(NamedTuple):
 
 
 class GraspContact(IntEnum):
-    """State of contact of both pads. Grasp.msg uses the same numbers."""
+    """Contact state of both pads. Grasp.msg uses the same numbers."""
 
     NOT_KNOWN = 0   #: a side has no result yet
     UNSEEN = 1      #: a side is not seen
-    NO_CONTACT = 2  #: both sides are seen and empty
-    ONE_SIDED = 3   #: one side is touched, the other is seen and empty
+    NO_CONTACT = 2  #: nothing touches either side, and both are seen
+    ONE_SIDED = 3   #: only one side is touched, and both are seen
     TWO_SIDED = 4
 
     @classmethod
@@ -83,7 +83,7 @@ class GraspState(NamedTuple):
     line_is_bound: bool
     held: float  #: time for which the shapes and centres on both sides have stayed the same [s]
 
-    #: True if the grasp is two-sided and fresh and has held long enough, while neither contact creeps or moves
+    #: True if the grasp is two-sided and fresh, has held long enough, and neither contact creeps or moves
     stable: bool
     creep: float  #: speed of the faster centre [m/s], or NaN if unknown
 
@@ -137,7 +137,7 @@ class GraspTracker:
         """
         if side not in SIDES:
             raise ConfigurationError('side of a grasp', expected=' or '.join(SIDES), got=repr(side),
-                                     remedy='Name the pads by side.')
+                                     remedy='Name each pad by its side of the gripper.')
         if not (np.isfinite((now, *(result.centre or ()))).all() and result.time < np.inf):
             raise InputError('result of a side', expected='a finite time and centre',
                              got=f'{result.time}, {now}, {result.centre}',
@@ -179,7 +179,7 @@ def _is_same_shape(states: tuple[SideState, SideState], left: '_Side', right: '_
 
 
 class _Side:
-    """The latest result of one pad, the period of its results, and the time since which its contact has held."""
+    """The latest result of one pad, the period of its results, and the time at which its current hold began."""
 
     def __init__(self, settings: GraspSettings):
         self._settings = settings

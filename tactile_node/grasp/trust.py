@@ -1,4 +1,4 @@
-"""Decide for planners in Python whether to act on a grasp, by the rules of include/tactile_skin/trust.hpp.
+"""Decide for planners in Python whether to act on a grasp, with the same rules as include/tactile_skin/trust.hpp.
 
 Both implementations are tested with the cases in test/trust_cases.yaml.
 """
@@ -22,9 +22,9 @@ class Doubt(Enum):
     NO_CONTACT = 'no_contact'
     ONE_SIDED = 'one_sided'
     NOT_FRESH = 'not_fresh'
-    BOUND = 'bound'  #: a contact may extend beyond the seen area, so that its true centre differs
+    BOUND = 'bound'  #: a contact may extend beyond the seen area, so that its true centre may differ
     NOT_STABLE = 'not_stable'
-    NO_CENTRE = 'no_centre'  #: centre or offset is NaN
+    NO_CENTRE = 'no_centre'  #: the centre or the offset is NaN
 
 
 def doubt(grasp: Any, silence: float, max_age: float = MAX_AGE, max_silence: float = MAX_SILENCE) -> Doubt:

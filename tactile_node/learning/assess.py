@@ -1,9 +1,9 @@
 """Assess how reliable recognition is on a skin, from touches of known objects, and adapt the recogniser if that helps.
 
-The adaptation consists of a temperature, and of a bias and weights for each class that was touched
-(shape/adaptation.py). To judge the adaptation, the recogniser processes held-out touches with an adaptation that was
-fitted without these touches, and applies all its rules. The adaptation is kept only if it improves the Brier score of
-the held-out touches.
+The adaptation consists of a temperature, plus a bias and weights for each class of the touched objects
+(shape/adaptation.py). To judge the adaptation, the recogniser applies all its rules to held-out touches, with an
+adaptation that was fitted without these touches. The adaptation is kept only if it improves the Brier score of the
+held-out touches.
 """
 
 from collections.abc import Sequence
@@ -26,18 +26,18 @@ from tactile_node.taxel_frame import read_only
 FOLDS = 8           #: Number of parts into which the touches are divided. Each part is held out once.
 LEAST_TOUCHES = 24  #: Smallest total number of touches to which an adaptation is fitted.
 
-#: Smallest number of touched classes to which an adaptation is fitted. From a single class, the adaptation would learn
-#: to report only this class.
+#: Smallest number of classes among the touches to which an adaptation is fitted. From a single class, the adaptation
+#: would learn to report only this class.
 LEAST_CLASSES = 2
 #: Smallest improvement of the mean Brier score for which an adaptation is kept. If the recogniser is nearly always
 #: right, an adaptation improves the score by less than this, even if the improvement is certain.
 LEAST_GAIN = 0.01
 #: Prior standard deviation of the logarithm of the temperature.
 TEMPERATURE_SPREAD = 0.5
-#: Prior standard deviation of a bias. On computed skins with gains of up to 6:1 and blur, values of 1 to 4 led to
+#: Prior standard deviation of a bias. On simulated skins with gains of up to 6:1 and blur, values of 1 to 4 led to
 #: similar results, and 0.5 to worse results.
 BIAS_SPREAD = 2.0
-#: Prior standard deviation of a weight. On the same computed skins, smaller values improved the score less. Larger
+#: Prior standard deviation of a weight. On the same simulated skins, smaller values improved the score less. Larger
 #: values made the recognition worse for unknown objects that had not been touched.
 WEIGHT_SPREAD = 0.18
 CONFIDENCE_LIMITS = 0.0, 0.5, 0.7, 0.9, 1.0  #: Limits between the groups of recognitions with similar confidence.
@@ -52,7 +52,7 @@ class LabelledTouch(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """Counts of the recognitions of some touches."""
+    """Counts of recognitions over some touches."""
 
     total: int           #: all recognitions
     right: int           #: recognitions whose most probable class is the label
@@ -118,8 +118,8 @@ class Answers(NamedTuple):
     def scores(self) -> np.ndarray:
         """Return the Brier score of each recognition, (K,).
 
-        The score is the squared error of the probabilities, summed over the classes. A recognition that is certain and
-        correct has the score 0. A recognition that is certain and wrong has the score 2.
+        The score is the squared error of the probabilities, summed over the classes. A certain and correct recognition
+        scores 0. A certain and wrong recognition scores 2.
         """
         return np.array([sum((p - (shape == truth)) ** 2 for shape, p in each.probabilities.items())
                          for truth, each in zip(*self)])
@@ -131,14 +131,14 @@ class Assessment(NamedTuple):
     If there are too few touches for an adaptation, the fields with a default value keep this value.
     """
 
-    before: Answers  #: recognitions by the recogniser that was assessed
+    before: Answers  #: recognitions by the assessed recogniser
 
     #: recognitions by adapted recognisers. Each touch is recognised with an adaptation that was fitted without this
     #: touch.
     after: Answers | None = None
     gain: Gain | None = None              #: improvement of ``after`` over ``before``
     kind: str = ''                        #: kind of frame, one of `recogniser.KINDS`
-    adaptation: Adaptation | None = None  #: adaptation to the skin; also None if the gain is too small
+    adaptation: Adaptation | None = None  #: adaptation to the skin, or None if none is kept
 
 
 def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Assessment:
@@ -217,8 +217,8 @@ class _Examples(NamedTuple):
     def fitted(self) -> Adaptation:
         """Return the adaptation with the highest posterior probability.
 
-        Only the classes that were touched get biases and weights. The mean of the biases and weights over these classes
-        is 0, so that the adaptation neither prefers nor excludes the other classes.
+        Only the classes of touched objects get biases and weights. The mean of the biases and weights over these
+        classes is 0, so that the adaptation neither prefers nor excludes the other classes.
         """
         outputs = self.logits.shape[1]
         touched = np.unique(self.truth)

@@ -26,7 +26,7 @@ FOREIGN = OUTPUTS.index(Shape.UNKNOWN)
 
 
 class Background(NamedTuple):
-    """Contacts of objects that are not taught.
+    """Contacts of untaught objects.
 
     ``labels``, (K,), holds indices into OUTPUTS. The index FOREIGN means none of the five shapes.
     """
@@ -88,10 +88,10 @@ def unpack_patches(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray, k
 RIDGE_WEIGHT = 1e-3
 EXAMPLE_SHARE = 0.25  #: Weight of all examples of one shape, as a share of the background's weight.
 FOREIGN_WEIGHT = 0.5  #: Weight of a foreign contact.
-SMALLER_SIZE = 0.8    #: Smallest size that is recognised, relative to the smallest taught size [taxels].
-LARGER_SIZE = 1.25    #: Largest size that is recognised, relative to the largest taught size [taxels].
+SMALLER_SIZE = 0.8    #: Smallest recognised number of taxels, as a multiple of the smallest taught number.
+LARGER_SIZE = 1.25    #: Largest recognised number of taxels, as a multiple of the largest taught number.
 MOST_ITERATIONS = 200
-CHUNK_PATCHES = 256  #: Number of patches that are processed at a time, because describe_all needs much memory.
+CHUNK_PATCHES = 256  #: Number of patches processed at a time, because describe_all needs a lot of memory.
 
 
 class Seen(NamedTuple):
@@ -106,7 +106,7 @@ class Seen(NamedTuple):
 
 
 def seen_by(recogniser: ShapeRecogniser, patches: Sequence[Patch]) -> Seen:
-    """Return the input of a head for patches that are all graded or all on/off.
+    """Return the input of a head for patches, which must be all graded or all on/off.
 
     If there are no patches, the arrays have the width 0.
     """

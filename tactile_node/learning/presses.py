@@ -10,12 +10,12 @@ from tactile_node.pose.pipeline import FoundContact
 from tactile_node.shape.recognition import Shape
 
 MOST_HIDDEN_AROUND = 0.1  #: Largest share of taxels without a value in the contact and its surroundings.
-PRESS_FRAMES = 6    #: Number of frames of a press that are used, from its lightest to its hardest frame.
+PRESS_FRAMES = 6    #: Number of frames used from each press, from its lightest to its hardest frame.
 REST_SHARE = 0.04   #: Share of the frames from which the zero is computed. The least loaded frames are used.
 LEAST_REST = 10     #: Smallest number of frames at rest.
 
 #: A frame counts as at rest only if it has more valid taxels than this share of the largest number in any frame. With
-#: fewer valid taxels, the pad may be loaded unseen.
+#: fewer valid taxels, a load on the pad may not be seen.
 MOST_SEEN = 0.9
 
 

@@ -14,7 +14,7 @@ from tactile_node.output_file import output_file
 from tactile_node.pose.profiles import Layer, check_layer
 from tactile_node.yaml_section import LARGEST_NUMBER, Section, load_mapping, shown
 
-RESPONSE_SUFFIX = '.response.yaml'  #: Suffix of the response file, which lies beside the layout.
+RESPONSE_SUFFIX = '.response.yaml'  #: Suffix of the response file, which is stored beside the layout.
 WRITTEN_DIGITS = 6                 #: Number of significant digits in the file.
 
 

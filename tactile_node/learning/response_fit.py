@@ -1,6 +1,6 @@
-"""Find the response of a skin under which fits of a known disc return the disc's true size.
+"""Find the response of a skin with which fits of a known disc return the disc's true size.
 
-If the readings do not grow in proportion to the pressure, the edge of a contact appears at a wrong place, and the
+If the readings do not grow in proportion to the pressure, the edge of a contact appears in the wrong place, and the
 fitted lengths show this error (`bench/bench_calibration.py`). The curve has a local exponent: for each unit of log
 reading, log pressure rises by ``exponent`` + ``bend`` log(reading / middle). The depth of the taxels follows from the
 fits under this curve.
@@ -21,7 +21,7 @@ from tactile_node.pose.profiles import PUNCH, Indenter, Layer, log_depth_from
 from tactile_node.shape.recognition import Shape
 from tactile_node.taxel_frame import read_only
 
-#: Smallest number of presses. Each press must be at a different place, because every place has its own error.
+#: Smallest number of presses. Each press must be at a different position, because every position has its own error.
 LEAST_PRESSES = 6
 PRESS_ERROR = 0.01      #: Relative error of the lengths in a single press.
 PRIOR_SPREADS = 0.5, 0.15       #: Prior standard deviations of exponent - 1 and of bend.
@@ -39,7 +39,7 @@ LAYER_ERROR = 0.08      #: Standard deviation of the error in log depth that all
 
 #: Largest relative error of the lengths after calibration. A larger error means that another disc was pressed.
 LARGEST_ERROR = 0.03
-BOUND_MARGIN = 0.02         #: An exponent that is closer to its bound than this is not a valid result.
+BOUND_MARGIN = 0.02         #: An exponent closer to its bound than this is not a valid result.
 
 #: Relative error by which a fit overestimates a flat disc with sharp edges, and the change of this error per unit of
 #: edge radius / inscribed radius. Fits are correct on average, but edges differ (bench/bench_calibration.py --edges).
@@ -57,7 +57,7 @@ class Disc(NamedTuple):
 
     @property
     def fit_error(self) -> float:
-        """Relative error by which a fit is expected to overestimate the disc under a known response."""
+        """Relative error by which a fit is expected to overestimate the disc if the response is known."""
         return SHARP_ERROR + OF_ROUNDING * self.edge_radius / self.radius
 
 
@@ -74,7 +74,7 @@ class FoundResponse(NamedTuple):
 
 def calibrate(presses: Sequence[Touch], known: Disc, pitch: float, unit: str,
               progress: Callable[[int], None] = lambda fits: None) -> FoundResponse:
-    """Return the response under which fits of a known disc return the disc's size.
+    """Return the response with which fits of a known disc return the disc's size.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def calibrate(presses: Sequence[Touch], known: Disc, pitch: float, unit: str,
     unit : str
         Unit of the readings.
     progress : callable
-        Function that is called with the number of new fits each time some fits are done.
+        Function called with the number of new fits whenever some fits are done.
 
     Raises
     ------

@@ -23,8 +23,8 @@ class SkinMeasures(NamedTuple):
     """Measured properties of a skin. Unknown properties are NaN, as are all properties of on/off taxels."""
 
     noise: float  #: standard deviation of a taxel at rest, as a share of the contact's level
-    gains: float  #: standard deviation of the logarithm of the taxels' gains
-    halo: float   #: reading all around a contact at a distance of two taxels, as a share of the contact's level
+    gains: float  #: standard deviation of the taxels' log gains
+    halo: float   #: reading around a contact at a distance of two taxels, as a share of the contact's level
 
     def __str__(self) -> str:
         return '; '.join(f'{name} {_percent(value)}' for name, value in zip(
@@ -77,7 +77,7 @@ def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
 
 
 def fixed_part(residuals: Iterable[np.ndarray]) -> tuple[float, float]:
-    """Split residuals into a part that is constant for each taxel and a part that changes from frame to frame.
+    """Split residuals into a part constant for each taxel and a part that changes from frame to frame.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def _rest(frame: TouchFrame) -> float:
 
 
 def _skirt(values: np.ndarray, mask: np.ndarray) -> float:
-    """Return the lower quartile of the readings two taxels beside the contact ``mask``."""
+    """Return the lower quartile of the readings two taxels away from the contact ``mask``."""
     near = grown(mask)
     skirt = values[grown(near) & ~near & np.isfinite(values)]
     return float(np.quantile(skirt, 0.25)) if skirt.size else np.nan

@@ -1,6 +1,6 @@
 """Read and write the file of taught shapes.
 
-The file contains the unchanged arrays of the base, the heads, and the examples that are needed to teach more shapes.
+The file contains the unchanged arrays of the base, the heads, and the examples needed to teach more shapes.
 
 The file is an .npz file without pickled objects. `ShapeRecogniser.from_file` loads the file instead of the base.
 """
@@ -111,7 +111,7 @@ def check_name(name: str, known: Sequence[str] = ()) -> None:
         raise ConfigurationError('--name', expected='a lower-case name such as my_plug, not the name of a class',
                                  got=repr(name), remedy='Use at most 32 of the characters a-z, 0-9 and _.')
     if name in known:
-        raise ConfigurationError('--name', expected='a name that is not taught yet', got=repr(name),
+        raise ConfigurationError('--name', expected='a name that has not been taught yet', got=repr(name),
                                  remedy='Choose another name, or start from a --model file without this name.')
     if len(known) >= MOST_TAUGHT:
         raise ConfigurationError('--name', expected=f'at most {MOST_TAUGHT} taught shapes', got='one more',

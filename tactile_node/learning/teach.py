@@ -1,9 +1,9 @@
 """Fit a head to examples of taught shapes, and count its correct results for held-out touches and contacts.
 
 Whole touches are held out, never single frames or variants of a touch. A taught shape is reported only if its evidence
-exceeds the larger of two thresholds. With the first threshold, the shape takes at most MOST_TAKEN of the contacts of
-the five shapes. The second threshold is half of the evidence that nearly all of the shape's own contacts have. The
-second threshold rejects foreign contacts without losing touches.
+exceeds the larger of two thresholds. With the first threshold, the shape takes at most MOST_TAKEN of the five shapes'
+contacts. The second threshold is half of the evidence that nearly all of the shape's own contacts reach. The second
+threshold rejects foreign contacts without losing touches.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ MOST_TAKEN = 0.0015  #: Largest share of the five shapes' contacts that a taught
 
 #: Share of a shape's own examples, those with the least evidence, that the second threshold ignores.
 OWN_QUANTILE = 0.02
-OWN_SHARE = 0.5      #: Second threshold, as a share of the smallest evidence that is not ignored.
+OWN_SHARE = 0.5      #: Second threshold, as a share of the smallest evidence among the examples not ignored.
 
 #: Share of the held-out touches of each shape that a useful head must recognise. One touch in 30 may be wrong.
 LEAST_RIGHT = 0.95
@@ -63,7 +63,7 @@ class Rate(NamedTuple):
 
 
 class HeldOut(NamedTuple):
-    """Counts of a head's results for contacts of the taught sizes to which the head was not fitted.
+    """Counts of a head's results for held-out contacts of the taught sizes.
 
     Each row is a true class, and each column is a recognised class. The classes are OUTPUTS, followed by the taught
     shapes.
@@ -86,7 +86,7 @@ class HeldOut(NamedTuple):
 
     @property
     def foreign(self) -> tuple[Rate, Rate]:
-        """Foreign contacts that are recognised as a shape, without and with the head."""
+        """Foreign contacts recognised as a shape, without and with the head."""
         before, after = (Rate(int(each[FOREIGN].sum() - each[FOREIGN, FOREIGN]), int(each[FOREIGN].sum()))
                          for each in (self.before, self.after))
         return before, after
@@ -123,7 +123,7 @@ def teach(recogniser: ShapeRecogniser, background: Background, shapes: Sequence[
     shapes : sequence of Examples
         Examples of each shape, all for the same kind of frame. A shape without examples is never reported.
     progress : callable
-        Function that is called STAGES times.
+        Function called STAGES times to report progress.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def _held_out_evidence(rest: Seen, labels: np.ndarray, shapes: Sequence[Examples
                        progress: Callable[[], None]) -> list[np.ndarray]:
     """Return the evidence for the background and for each shape's examples.
 
-    Each value comes from a head that was fitted without the fold of the contact.
+    Each value comes from a head that was fitted without the contact's fold.
     """
     folds = [np.arange(len(labels)) % FOLDS, *(each.touch % FOLDS for each in shapes)]
     evidence = [np.full((len(fold), len(shapes)), -np.inf) for fold in folds]
@@ -199,7 +199,7 @@ if TYPE_CHECKING:
 
 
 def confusion_picture(held_out: HeldOut, names: Sequence[str]) -> 'Figure':
-    """Draw one row for each true class, with the recognised classes in per cent of the row's contacts.
+    """Draw one row for each true class, with the recognised classes as percentages of the row's contacts.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 A touch consists of the frames of a pad from the first contact with an object until the object is lifted.
 
-Only a few frames of a touch are kept, at equal steps, because more frames of the same touch add no information. The
+Only a few evenly spaced frames of a touch are kept, because more frames of the same touch add no information. The
 recognition of shapes is not part of this module.
 """
 
@@ -19,7 +19,7 @@ from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_shapeless
 
-TOUCH_FRAMES = 5         #: Number of frames that are kept from a touch.
+TOUCH_FRAMES = 5         #: Number of frames kept from a touch.
 CENTRE_MOVED = 1.0       #: If the centre moves by more than this in one frame, another touch begins [pitches].
 MOST_HIDDEN_SHARE = 0.1  #: Largest share of the contact's taxels that may lack a value.
 
@@ -68,7 +68,7 @@ class TouchFrame(NamedTuple):
 class Touch(NamedTuple):
     """One touch of an object on the pad."""
 
-    frames: tuple[TouchFrame, ...]  #: at least one frame, at equal steps through the touch
+    frames: tuple[TouchFrame, ...]  #: one or more frames, evenly spaced through the touch
 
     @property
     def middle(self) -> TouchFrame:
@@ -80,7 +80,7 @@ class Touches(NamedTuple):
     """The touches in a sequence of frames."""
 
     touches: list[Touch]
-    unused: dict[Unused, int]  #: number of frames that are not used, by reason
+    unused: dict[Unused, int]  #: number of unused frames, by reason
 
     def __str__(self) -> str:
         counts = ', '.join(f'{count} {reason.name.lower()}' for reason, count in sorted(self.unused.items()))
@@ -98,7 +98,7 @@ class TouchFinder:
     Attributes
     ----------
     unused : dict[Unused, int]
-        Number of frames that were not used, by reason.
+        Number of unused frames, by reason.
     reason : Unused or None
         Reason why the latest frame was not used, or None if the frame was used or had no contact.
     """
@@ -115,10 +115,9 @@ class TouchFinder:
         self.reason: Unused | None = None
 
     def feed(self, values: np.ndarray, saturated: np.ndarray | None = None) -> list[Touch]:
-        """Process a frame, and return the touches that the frame ends, usually none or one.
+        """Process a frame, and return the touches that end with this frame, usually none or one.
 
-        A frame in which the pad is not seen does not end a touch, because such a frame does not show that the object
-        was lifted.
+        A frame in which the pad is not seen does not end a touch, because it does not show that the object was lifted.
 
         Parameters
         ----------
@@ -190,13 +189,13 @@ class TouchFinder:
 
 
 def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
-    """Return a touch with at most ``most`` of the frames, at equal steps."""
+    """Return a touch with at most ``most`` of the frames, evenly spaced."""
     which = np.unique(np.linspace(0, len(frames) - 1, most).round().astype(int))
     return Touch(tuple(frames[k] for k in which))
 
 
 class AnyTouchFinder(TouchFinder):
-    """Finds all touches that the pad's edge does not cut, even if the touches are unclear."""
+    """Finds all touches that the pad's edge does not cut off, including unclear ones."""
 
     def _why_unusable(self, found: FoundContact) -> Unused | None:
         return Unused.AT_EDGE if touches_edge(found.pattern.mask) else None

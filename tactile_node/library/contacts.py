@@ -33,7 +33,7 @@ def instance(value: object, kind: type[Kind], name: str, remedy: str) -> Kind:
 
 
 def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | None, UnitScale]:
-    """Return the thresholds to apply, and a check that values are in their unit.
+    """Return the thresholds to apply, and an object that checks whether values are plausible in their unit.
 
     The unit is used only if there are no thresholds.
 
@@ -162,20 +162,20 @@ def find_contact(values: ArrayLike, unit: str | None = '',
         Taxel values, real numbers or bool, (rows, cols).
     unit : str or None
         Unit of the values: 'Pa' (contacts of 2 kPa or more), 'N' (contacts of 7 mN or more) or '1' (on/off). None means
-        that the values have no unit, like counts. Values without a unit are on/off if they are all 0 or a single other
+        that the values have no unit, like counts. Values without a unit are on/off if they contain only 0 and one other
         number. The unit '' has the same meaning as None, except that integers are refused.
     thresholds : PressThresholds or None
         Fixed thresholds.
     saturated : array_like or None
         Taxels whose value is a lower bound, bool (rows, cols).
     unmapped : array_like or None
-        Places without a taxel, which hide nothing, bool (rows, cols).
+        Cells without a taxel, which hide nothing, bool (rows, cols).
 
     Raises
     ------
     InputError
-        Raised if an array is invalid, integers have no unit, or the values of a contact are far too low for the unit,
-        as counts would be.
+        Raised if an array is invalid, if integers are passed without a unit, or if the values of a contact are far too
+        low for the unit, as counts would be.
     ConfigurationError
         Raised if the unit is unknown.
 
@@ -272,7 +272,7 @@ def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
               response: str | Path | SkinResponse | None = None) -> ShapeFit | None:
     """Return the pose and size of a contact, with their covariance.
 
-    Values that are all 0 or a single other number are treated as on/off.
+    Values that contain only 0 and one other number are treated as on/off.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ def contact_box(contact: ContactPattern, pitch: float = 1.0) -> ContactBox:
 
     Every number in the result is NaN if there is no contact.
 
-    If the pad's edge or hidden taxels cut the contact, a length is a bound.
+    If the pad's edge or hidden taxels cut off the contact, each affected length is a bound.
 
     Parameters
     ----------
@@ -365,7 +365,7 @@ def plot_frame(values: ArrayLike, fit: ShapeFit | None = None, pitch: float = 1.
     fit : ShapeFit or None
         Fit to draw.
     pitch : float
-        Pitch that was given to `fit_shape`.
+        Pitch passed to `fit_shape`.
     axes : Axes or None
         Matplotlib axes, or None for the axes of the current figure.
 

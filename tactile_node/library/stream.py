@@ -31,8 +31,8 @@ class ContactStream:
     fusion : FusionSettings or None
         Settings of the fusion, or None for the default settings.
     response : str, Path or None
-        File from `tactile calibrate`, or None. With a response, the frames must contain readings above their zero, and
-        the curve in the file converts these readings to pressures.
+        File from `tactile calibrate`, or None. With a response, the frames must contain readings with their zero
+        subtracted, and the curve in the file converts these readings to pressures.
 
     Raises
     ------

@@ -68,8 +68,8 @@ def coarse(evidence: Evidence, shape: Shape, guess: Guess, profile: Profile = PU
 def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
     """Return 1 / variance of each parameter of a guess.
 
-    The standard deviation of a length is the length itself. The standard deviation of the place is the largest length.
-    The angle is almost unconstrained.
+    The standard deviation of a length is the length itself. The standard deviation of the position is the largest
+    length. The angle is almost unconstrained.
     """
     _, _, dimensions = outline.split(guess)
     lengths = np.concatenate(([dimensions.max()] * 2, *([[1.8]] if outline.symmetry else []), dimensions))
@@ -77,7 +77,7 @@ def _vague(outline: Outline, guess: np.ndarray) -> np.ndarray:
 
 
 def with_likely_peak(candidate: Candidate) -> Candidate:
-    """Return the candidate with the prior of the peak set for the nearest known kind of object.
+    """Return the candidate with the peak's prior taken from the kind of object that its fit resembles.
 
     If the fit is too uncertain, the candidate is returned unchanged.
     """
@@ -116,7 +116,7 @@ def loading_of(found: Candidate) -> Loading | None:
     return Loading(model.profile.indenter, float(peak), float(np.exp(log_depth)))
 
 
-# These thresholds were chosen so that few punches of the training seeds and few even pressures are mistaken for a dome.
+# These thresholds were chosen on the training seeds so that few punches and few even pressures are mistaken for domes.
 CIRCLE_PEAK = 0.3        #: A circular contact with a higher fitted peak is not a dome.
 BALL_PEAK = -0.05        #: A circular contact with a lower fitted peak may be a ball.
 DOME_CURVATURE = -0.005  #: Residuals with a lower curvature may come from a dome.
@@ -125,15 +125,15 @@ DOME_CURVATURE = -0.005  #: Residuals with a lower curvature may come from a dom
 BAD_MISFIT = 2.0  #: weighted sum of squared residuals per taxel
 DEEP_LAYER = 0.5  #: depth of the taxels [pitches]
 
-#: A circular contact with a lower fitted peak is not a punch. No punch, sharp or rounded, presses this much more in its
-#: middle.
+#: A circular contact with a lower fitted peak is not a punch. No punch, sharp or rounded, presses this much harder at
+#: its centre.
 NO_PUNCH_PEAK = -0.3
 
 
 def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
-    """Return True if a contact fitted as a punch may be a ball, a cone or a lying cylinder.
+    """Return True if a contact fitted as a punch may be a ball, a cone or a cylinder on its side.
 
-    Under a dome, the residuals fall from the middle of the contact outwards. Under a ball, the fitted peak can also be
+    Under a dome, the residuals fall from the centre of the contact outwards. Under a ball, the fitted peak can also be
     negative.
 
     Parameters
@@ -143,7 +143,7 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
     shape : Shape
         Shape of the outline.
     punch : Candidate
-        Candidate that was fitted as a punch.
+        Candidate fitted as a punch.
     """
     loading = loading_of(punch)
     if loading is None or shape not in DOMES or shape is Shape.CIRCLE and loading.peak > CIRCLE_PEAK:
@@ -156,13 +156,13 @@ def may_be_dome(evidence: Evidence, shape: Shape, punch: Candidate) -> bool:
 
 
 def is_no_punch(shape: Shape, punch: Candidate) -> bool:
-    """Return True if the pressure that a fit as a punch has found cannot come from a punch."""
+    """Return True if a punch fit has found a pressure that no punch can cause."""
     loading = loading_of(punch)
     return loading is not None and shape is Shape.CIRCLE and loading.peak < NO_PUNCH_PEAK
 
 
 def _curvature(evidence: Evidence, shape: Shape, solution: Solution) -> float:
-    """Return the slope of the residuals against the squared distance from the middle.
+    """Return the slope of the residuals against the squared distance from the centre.
 
     For a rectangle, the distance is measured from the long axis of the rectangle.
     """

@@ -23,7 +23,7 @@ class SeenBy(IntEnum):
     NOT_KNOWN = 0
     OUTLINE = 1  #: the fitted outline
     CENTRE_OF_PRESSURE = 2
-    ON_OFF = 3    #: outline or centre of on/off taxels
+    ON_OFF = 3    #: outline or centre of a contact on on/off taxels
     PRESSURE = 4  #: the pressed taxels and their pressures
 
 
@@ -37,7 +37,7 @@ class Moving(IntFlag):
 
 
 class Observable(IntFlag):
-    """Movements of a contact that would be detected. ContactMotion.msg uses the same numbers."""
+    """Movements of a contact that would be detected if they occurred. ContactMotion.msg uses the same numbers."""
 
     NOTHING = 0
     ALONG_X = 1

@@ -1,6 +1,6 @@
 """Select the taxels to which an outline is fitted.
 
-The selection contains the contact and the taxels around it, without holes and invalid taxels.
+The selection contains the contact and the taxels around it, except holes and invalid taxels.
 """
 
 from typing import NamedTuple
@@ -98,7 +98,7 @@ def checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _window(mask: np.ndarray) -> Window:
     """Return the window around the contact, which may extend beyond the pad's edge.
 
-    The window includes places beyond the edge, because a load beyond the edge also presses the taxels at the edge.
+    The window extends beyond the edge, because a load beyond the edge also presses the taxels at the edge.
     """
     rows, cols = box_of(mask)
     return Window(rows.start - WINDOW_MARGIN, cols.start - WINDOW_MARGIN,
@@ -127,7 +127,7 @@ def upper_median(values: np.ndarray) -> float:
 
 
 def holes(mask: np.ndarray) -> np.ndarray | None:
-    """Return the taxels that ``mask`` encloses, or None in the usual case that it encloses none."""
+    """Return the taxels that ``mask`` encloses, or None if it encloses none, which is the usual case."""
     begins = mask[:, 1:] & ~mask[:, :-1]
     if (np.add.reduce(begins, 1, int) + mask[:, 0]).max() < 2:  # no row has a gap
         return None

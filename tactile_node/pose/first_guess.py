@@ -1,6 +1,6 @@
 """Compute a first guess of pose and size from moments in closed form.
 
-The guess uses moments up to the fourth order. The guess is exact for a shape that is completely visible.
+The guess uses moments up to the fourth order. The guess is exact for a completely visible shape.
 
 A uniform triangle is an affine image of the equilateral triangle. After whitening, the third moment of the triangle
 points to its corners. A side of a rectangle has the length sqrt(12 v), where v is the variance along the side. The
@@ -24,16 +24,16 @@ class Guess(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """Moments of weighted taxels, with places as complex numbers x + iy."""
+    """Moments of weighted taxels, with positions as complex numbers x + iy."""
 
     centre: complex
     covariance: np.ndarray
     weights: np.ndarray  #: weight of each taxel; all weights add up to 1
-    offsets: np.ndarray  #: place of each taxel relative to the centre, as a complex number
+    offsets: np.ndarray  #: position of each taxel relative to the centre, as a complex number
 
 
 def moments_of(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Moments:
-    """Return the moments of taxels at ``x`` and ``y`` with ``weights`` >= 0, of which at least one is above 0."""
+    """Return the moments of taxels at ``x`` and ``y`` with ``weights`` >= 0. At least one weight must be above 0."""
     weights, place = weights / weights.sum(), x + 1j * y
     centre = complex(weights @ place)
     offsets = place - centre

@@ -37,8 +37,8 @@ class ShapeFit(NamedTuple):
     angle: float                 #: direction of the shape's own x axis, positive from x to y [rad]; 0 for a circle
 
     #: The shape looks the same after a rotation by 2π/symmetry. A symmetry of 0 means that the shape looks the same
-    #: after any rotation. An isosceles triangle has the symmetry 3 if the taxels cannot distinguish it from an
-    #: equilateral triangle, so that any corner may be the apex.
+    #: after any rotation. An isosceles triangle has symmetry 3 if the taxels cannot distinguish it from an equilateral
+    #: triangle, so that any corner may be the apex.
     symmetry: int
     handedness: int                   #: 1 or -1 (mirrored) for a right triangle, 0 for other shapes
     dimension_names: tuple[str, ...]  #: names of the dimensions, as in `outlines.OUTLINES`
@@ -77,7 +77,7 @@ class Part(NamedTuple):
     y: float = 0.0  #: row at the centre of block (0, 0) [taxels]
 
 
-#: Function that finds the outline of a shape in a part. The layer's lengths are in units of one block.
+#: Function that finds the outline of a shape in a part of a frame. The layer's lengths are in units of one block.
 Finder: TypeAlias = Callable[[Part, Shape, Layer | None], Found]
 
 
@@ -135,7 +135,7 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
 def _part(values: np.ndarray, mask: np.ndarray) -> Part:
     size = size_of(mask)
     blocks = in_blocks(values, mask, size) if size > 1 else None
-    if blocks is None or not blocks.mask.any():  # a single line of taxels fills no block by half
+    if blocks is None or not blocks.mask.any():  # a single line of taxels never fills half of a block
         return Part(gather(values, mask))
     return Part(gather(blocks.values, blocks.mask, touches_edge(mask)), size, blocks.x, blocks.y)
 
@@ -143,21 +143,21 @@ def _part(values: np.ndarray, mask: np.ndarray) -> Part:
 class FitFollower:
     """Fits a contact from frame to frame, starting from the outline in the previous frame.
 
-    Following an outline takes a quarter of the time of a search. The follower searches again in these cases:
+    Following an outline takes a quarter of the time that a search takes. The follower searches again in these cases:
 
     - in the first frame,
     - every SEARCH_PERIOD, because a dome or another corner may have become more likely,
     - if following the outline leads to a worse fit,
-    - if the evidence has grown by SEARCH_GROWTH. A contact that is pressed lightly or seen only in part may look like a
+    - if the evidence has grown by SEARCH_GROWTH. A contact under light pressure, or seen only in part, may look like a
       dome, whose outline is larger.
     """
 
     def __init__(self) -> None:
-        # outline, with the part and the stamp of its last search
+        # outline, with the part of the frame and the stamp of its last search
         self._before: dict[Shape, tuple[Found, Part, float]] = {}
 
     def restart(self) -> None:
-        """Search again in the next frame, because a new contact begins."""
+        """Start a new search in the next frame, because a new contact begins."""
         self._before.clear()
 
     def at(self, stamp: float) -> Finder:
@@ -178,7 +178,7 @@ class FitFollower:
 
 
 def in_metres(found: Found, part: Part, pitch: float) -> ShapeFit:
-    """Convert the outline that was found in a part to a fit in the pad frame.
+    """Convert an outline found in one part of a frame to a fit in the pad frame.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ UPRIGHT_SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
 
 def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, layer: Layer | None = None,
                 visibility: Visibility | None = None, find: Finder | None = None) -> ShapeFit | None:
-    """Fit a shape to the contact of a pattern, as `fit_shape` does, and mark lengths that are bounds.
+    """Fit a shape to the contact of a pattern, as `fit_shape` does, and mark the lengths that are only bounds.
 
     If part of a circle, a square or a rectangle is unseen, the fit contains the visible length and marks it as a bound.
     A triangle is completed, and its standard deviations show how certain the result is.

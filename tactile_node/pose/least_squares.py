@@ -29,7 +29,7 @@ class Solution(NamedTuple):
 
     parameters: np.ndarray
     prediction: Prediction
-    information: np.ndarray  #: inverse of the covariance of the parameters
+    information: np.ndarray  #: inverse covariance of the parameters
     misfit: float            #: sum weights (values - model)²
     cost: float              #: quantity that is minimised: the misfit plus the contribution of the prior
 
@@ -123,7 +123,7 @@ def solved(problem: Problem, at: Place) -> Solution:
 
 
 MOST_BLOCKS = 32   #: Largest number of blocks across a contact.
-BLOCKS_AROUND = 3  #: Number of blocks on each side of the contact that are also fitted.
+BLOCKS_AROUND = 3  #: Number of additional blocks to fit on each side of the contact.
 LEAST_SEEN = 0.5   #: Smallest share of valid taxels for which a block has a value.
 
 
@@ -137,7 +137,7 @@ class Blocks(NamedTuple):
 
 
 def size_of(mask: np.ndarray) -> int:
-    """Return the side length of the blocks for fitting the contact ``mask``, which is 1 for most contacts [taxels].
+    """Return the side length of the blocks for fitting the contact ``mask`` [taxels]; it is 1 for most contacts.
 
     >>> size_of(np.ones((8, 8), bool)), size_of(np.ones((64, 10), bool))
     (1, 2)
@@ -149,7 +149,7 @@ def size_of(mask: np.ndarray) -> int:
 def in_blocks(values: np.ndarray, mask: np.ndarray, size: int) -> Blocks:
     """Return the contact and its surroundings as means of ``size`` x ``size`` taxels.
 
-    Blocks that the pad's edge cuts are NaN.
+    Blocks cut off by the pad's edge are NaN.
     """
     part, missing, corner = [], [], []
     for used, length in zip(box_of(mask), mask.shape):

@@ -2,9 +2,9 @@
 
 The models have systematic errors because corners carry less load and because the rounding of edges is unknown.
 
-The errors were measured on contacts computed with the training seeds (bench/pose_calibration.py). The tables use the
-shape's own frame, with the place in inscribed radii, the angle in radians and the dimensions as relative errors. Under
-an even pressure, no error is subtracted.
+The errors were measured on contacts simulated with the training seeds (bench/pose_calibration.py). The tables use the
+shape's own frame, with the position in inscribed radii, the angle in radians and the dimensions as relative errors.
+Under an even pressure, no error is subtracted.
 """
 
 from typing import NamedTuple
@@ -18,8 +18,8 @@ from tactile_node.pose.profiles import Indenter
 from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
-MOST_PEAK = 1.2       #: Upper limit that is applied to the peak of a punch.
-MOST_DOME_PEAK = 2.0  #: Upper limit that is applied to peak - 1 of a dome.
+MOST_PEAK = 1.2       #: Upper limit applied to the peak of a punch.
+MOST_DOME_PEAK = 2.0  #: Upper limit applied to peak - 1 of a dome.
 
 # A fit never reports smaller standard deviations than these, because real taxels differ from modelled ones and a layer
 # differs from a half-space.
@@ -53,7 +53,7 @@ class ModelError(NamedTuple):
 
     bias: tuple[float, ...]       #: constant error under a punch or a dome
     of_size: tuple[float, ...]    #: coefficient of 1 / inscribed radius, with the radius in pitches
-    of_ratio: tuple[float, ...]   #: coefficient of the logarithm of the ratio of the two dimensions
+    of_ratio: tuple[float, ...]   #: coefficient of the log ratio of the two dimensions
     of_depth: tuple[float, ...]   #: coefficient of the taxels' depth / inscribed radius
     of_peak: tuple[float, ...]    #: coefficient of peak - 1
     deviation: tuple[float, ...]  #: standard deviation of the error about the sum of these terms
@@ -185,8 +185,8 @@ class NoiseScale(NamedTuple):
 
 #: The factors were measured with `bench/bench_pose.py --calibrate --patterns 50` on the training seeds, with 1200 fits
 #: per factor. The rim noise was chosen so that clean and noisy frames need nearly the same factor. The factors for the
-#: pad's edge were measured on punches computed with the training seeds, with up to a third of the punch beyond the edge
-#: (bench/pose_mechanics.py).
+#: pad's edge were measured on punches simulated with the training seeds, with up to a third of the punch beyond the
+#: edge (bench/pose_mechanics.py).
 NOISE_SCALES = {
     Shape.CIRCLE: NoiseScale(0.018, 1.00, 0.25, 1.5),
     Shape.SQUARE: NoiseScale(0.020, 1.01, 0.49, 1.5),
@@ -224,7 +224,7 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
 
 
 def covariance_scale(shape: Shape, evidence: Evidence) -> float:
-    """Return the scale factor of the covariance for which 95 % regions contained 95 % of the training contacts."""
+    """Return the covariance's scale factor, with which 95 % regions contained 95 % of the training contacts."""
     of_shape = NOISE_SCALES[shape]
     scale = of_shape.on_off if evidence.on_off else of_shape.pressure
     return scale * (of_shape.at_edge if evidence.at_edge and not evidence.on_off else 1.0)

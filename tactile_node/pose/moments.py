@@ -42,7 +42,7 @@ class ContactMoments(NamedTuple):
     centre_of_pressure: tuple[float, float]  #: [m]
     area: float  #: number of taxels of the contact, including invalid ones, times pitch² [m²]
     principal_axis: float  #: direction of the contact's longer axis, positive from x to y, in (-π/2, π/2] [rad]
-    filled: int  #: number of invalid taxels that were filled with the mean of their neighbours
+    filled: int  #: number of invalid taxels filled with the mean of their neighbours
     force_sd: float  #: [N]
     centre_of_pressure_sd: tuple[float, float]  #: standard deviation along x and along y [m]
 
@@ -50,7 +50,7 @@ class ContactMoments(NamedTuple):
     #: finger and the contact continue beyond the skin. If the finger ends at the edge of the skin, the force is
     #: complete, even if the object is larger.
     force_is_bound: bool
-    centre_of_pressure_is_bound: bool  #: True if the centre is that of only the measured part of the contact
+    centre_of_pressure_is_bound: bool  #: True if the centre is that of the measured part only
 
     #: True if hidden taxels or the pad's edge adjoin the contact, so that the contact may be larger. The field is also
     #: True if taxels are saturated, because a fit may then be too large.
@@ -102,7 +102,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
                          got=f'{values.shape} and {mask.shape}', remedy='Pass the values and the mask of one frame.')
     if unit not in VALUE_UNITS:
         raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(VALUE_UNITS)}',
-                                 got=repr(unit), remedy='Use the unit that the skin layout states.')
+                                 got=repr(unit), remedy='Use the unit given in the skin layout.')
     check_pitch(pitch)
     if visibility is None:
         visibility = visibility_of(ContactPattern.of(mask, values))
@@ -229,9 +229,9 @@ def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
 
 
 def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float:
-    """Return the standard deviation of a weighted mean of places.
+    """Return the standard deviation of a weighted mean of positions.
 
-    The derivative of the mean with respect to a weight is the ``offset`` of the place from the mean, divided by
+    The derivative of the mean with respect to a weight is the ``offset`` of the position from the mean, divided by
     ``total``.
     """
     weighted = deviation * offset

@@ -2,9 +2,9 @@
 
 The events are made, lost, harder, lighter, sliding and turning.
 
-Two places are tracked in parallel: the outline, if one is fitted, and the centre of pressure. The absence of events
+Two quantities are tracked in parallel: the outline, if one is fitted, and the centre of pressure. The absence of events
 does not prove the absence of slip. The field `observable` tells which movements would be detected. Normal pressure
-shows where a contact is, but not whether the object rolls or slides.
+shows the position of a contact, but not whether the object rolls or slides.
 """
 
 import math
@@ -23,7 +23,7 @@ from tactile_node.pose.track import ForceTrack, Track
 
 
 class Sight(NamedTuple):
-    """The measurements of one frame that are needed to follow the contact on a pad."""
+    """The measurements from one frame with which the contact on a pad is followed."""
 
     stamp: float  #: acquisition time of the frame [s]
     pattern: ContactPattern
@@ -39,15 +39,15 @@ class Sight(NamedTuple):
 # and 1.5 pitches), because a second frame must confirm the movement.
 OUTLINE_STEP = 0.2    #: step of an outline [pitches]
 PRESSURE_STEP = 0.55  #: step of a centre of pressure [pitches]
-ON_OFF_STEP = 1.1     #: step of an outline or a centre of on/off taxels [pitches]
+ON_OFF_STEP = 1.1     #: step of an outline or a centre on on/off taxels [pitches]
 
 #: Number of standard deviations that a turn must exceed. The number is high because fitted angles jump from frame to
 #: frame.
 TURN_CERTAINTY = 6.0
 SLACK = 3.0           #: Number of standard deviations by which a slide alone may change the fitted angle.
 
-#: Shift of a contact's middle while its load grows by a factor of e, as a share of the contact's extent. On an elastic
-#: skin, the extent may grow with the square root of the force. If the contact grows at one end only, its middle moves
+#: Shift of a contact's centre while its load grows by a factor of e, as a share of the contact's extent. On an elastic
+#: skin, the extent may grow with the square root of the force. If the contact grows at one end only, its centre moves
 #: by a quarter of the extent.
 GROWTH = 0.25
 #: Largest change of load that sliding from taxel to taxel can cause [logarithm of the ratio].
@@ -170,7 +170,7 @@ class _Followed:
         return [Event(kind, stamp, self.by_pressure, abs(changed), force_before=before, force=moments.force)]
 
     def _shows_motion(self, sight: Sight) -> bool:
-        """Return True if a frame shows as much of the contact as the previous frames.
+        """Return True if a frame shows the same part of the contact as the previous frames.
 
         If the hidden taxels near the contact stay different for longer than MAX_GAP, all tracks start again.
         """
@@ -187,11 +187,11 @@ class _Followed:
         return True
 
     def _follow_outline(self, fit: ShapeFit, moments: ContactMoments, stamp: float) -> bool:
-        """Follow the place and the angle of ``fit``, and return True if the outline has stopped in this frame.
+        """Follow the position and the angle of ``fit``, and return True if the outline has stopped in this frame.
 
-        If a different outline has appeared, the tracks of the place and the angle start again. The tracked place is the
-        mean of the fitted centre and the centre of pressure, because a fit tends to stay in its minimum while the
-        centre of pressure jumps from taxel to taxel.
+        If a different outline has appeared, the tracks of the position and the angle start again. The tracked position
+        is the mean of the fitted centre and the centre of pressure, because a fit tends to stay in its minimum while
+        the centre of pressure jumps from taxel to taxel.
         """
         if self._fit is None or not _is_alike(fit, self._fit, self._pitch):
             for track in (self._outline, self._turn):
@@ -209,7 +209,7 @@ class _Followed:
         return had_moved and not self._outline.is_moving
 
     def _growth(self, track: Track) -> float:
-        """Return how far the middle of a contact at rest may have shifted because its size changed with the load."""
+        """Return how far the centre of a contact at rest may have shifted because the load changed its size."""
         before = track.load_before
         if not self._load > 0 < before:
             return 0.0
@@ -269,9 +269,9 @@ def _is_seen_alike(sight: Sight, before: Sight) -> bool:
 
 
 def _observable(sight: Sight) -> Observable:
-    """Return the movements of the contact that would be detected.
+    """Return the movements of the contact that would be detected if they occurred.
 
-    A movement along an axis of the contact is detectable if an end of the contact along this axis is seen.
+    A movement along an axis of the contact is detectable if at least one end of the contact along this axis is seen.
     """
     fit, seen, found = sight.fit, sight.visibility, Observable.ALONG_X | Observable.ALONG_Y
     if seen.outline_hidden or seen.inside_hidden:

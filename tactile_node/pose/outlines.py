@@ -12,18 +12,18 @@ CIRCLE_CORNERS = 32  #: Number of corners of the polygon that replaces a circle 
 
 
 class Outline(NamedTuple):
-    """A polygon with corners that are linear in its dimensions.
+    """A polygon whose corners are linear functions of its dimensions.
 
     Corner i is ``template[i] @ dimensions``, rotated by the angle.
     """
 
     dimensions: tuple[str, ...]  #: names of the dimensions
     template: np.ndarray         #: (corners, 2, len(dimensions)), with corners ordered by rotation from x to y
-    symmetry: int                #: the shape looks the same after a rotation by 2π/symmetry; 0 if after any rotation
+    symmetry: int                #: the shape looks the same after a rotation by 2π/symmetry; 0 for a circle
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the fitted parameters: the place, the angle if the shape has one, and the dimensions."""
+        """Names of the fitted parameters: the position, the angle if the shape has one, and the dimensions."""
         return ('x', 'y', *(('angle',) if self.symmetry else ()), *self.dimensions)
 
     def split(self, parameters: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
@@ -97,7 +97,7 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def _template(*corners: tuple[tuple[float, ...], tuple[float, ...]]) -> np.ndarray:
-    """Return the template for corners that are given as ((x by dimension), (y by dimension))."""
+    """Return the template for corners given as ((x by dimension), (y by dimension))."""
     template = np.array(corners, float)
     template.flags.writeable = False
     return template
@@ -109,7 +109,7 @@ def _circle() -> np.ndarray:
     return _template(*(((same_area * np.cos(a),), (same_area * np.sin(a),)) for a in angle))
 
 
-#: Outlines by name of shape.
+#: Outline of each shape, by name.
 OUTLINES: dict[str, Outline] = {
     'circle': Outline(('radius',), _circle(), 0),
     'square': Outline(('side',), _template(
@@ -219,7 +219,7 @@ class Window(NamedTuple):
 
 def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights: np.ndarray,
               of_change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return weighted sums of the area of each taxel that polygons cover, and the derivatives of one more sum.
+    """Return weighted sums of the areas that polygons cover in each taxel, and the derivatives of one more sum.
 
     Parameters
     ----------
@@ -244,9 +244,9 @@ def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights:
     Notes
     -----
     The function uses the divergence theorem. Let N be the outward normal of an edge, with the length of the edge, and
-    let t0...t1 be the stretch of the edge within a taxel. The derivative of the area is ∫ N · motion dt. The area
-    itself is ∫ N_x (x - left) dt plus the length of the taxel's right side within the polygon. The length of the right
-    side within the polygon is a sum over all edges to the left of this side.
+    let t0...t1 be the part of the edge within a taxel. The derivative of the area is ∫ N · motion dt. The area itself
+    is ∫ N_x (x - left) dt plus the length of the taxel's right side within the polygon. The length of the right side
+    within the polygon is a sum over all edges to the left of this side.
     """
     sums, each = len(weights), corners.shape[1]
     edges = corners.shape[0] * each
@@ -272,7 +272,7 @@ def coverages(corners: np.ndarray, motions: np.ndarray, window: Window, weights:
 def _stretches(start: np.ndarray, edge: np.ndarray, window: Window) -> np.ndarray:
     """Return ∫ (1 - t) dt and ∫ t dt for each edge within each taxel, (2, edges, rows, 1 + cols).
 
-    The first column covers the whole area to the left of the window, because the pad's edge may cut a contact.
+    The first column covers the whole area to the left of the window, because the pad's edge may cut off a contact.
     """
     edge = np.where(np.abs(edge) < TINY_TILT, TINY_TILT, edge)
     lines = np.empty((len(start), window.cols + window.rows + 3))

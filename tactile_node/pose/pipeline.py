@@ -52,8 +52,8 @@ class FoundContact(NamedTuple):
     pattern: ContactPattern
     visibility: Visibility  #: visibility of ``pattern``
     taxels: Taxels
-    #: size of the smallest contact that is reported [taxels]. The pad is not seen while hidden taxels could hold a
-    #: contact of this size.
+    #: size of the smallest reported contact [taxels]. The pad is not seen while hidden taxels could hold a contact of
+    #: this size.
     smallest_contact: int = SMALLEST_CONTACT
 
     @classmethod
@@ -105,7 +105,7 @@ class FoundContact(NamedTuple):
 class StreamedContact(NamedTuple):
     """The results for one frame, and the recognition over all frames since its contact began."""
 
-    #: the recognised contact: the largest contact, together with pieces that were separated from it
+    #: the recognised contact: the largest contact, together with the pieces joined to it
     contact: ContactPattern
     recognition: Recognition  #: recognition of this frame alone, or of a recent frame with the same taxels
     fused: FusedRecognition   #: recognition over all frames since the contact began
@@ -116,14 +116,14 @@ class StreamedContact(NamedTuple):
 
 
 class _Answer(NamedTuple):
-    """The recognition of one frame, and the contact that was recognised."""
+    """The recognition of one frame, and the recognised contact."""
 
     found: FoundContact
     stamp: float
     recognition: Recognition
 
     def holds_for(self, found: FoundContact, stamp: float, correlation_time: float) -> bool:
-        """Return True if a later frame follows so soon and is so similar that it adds no information."""
+        """Return True if a later frame is too soon and too similar to add information."""
         pattern, before = found.pattern, self.found.pattern
         # A shape that these taxels do not support is reused like a confident recognition, because its confidence cannot
         # rise.
@@ -148,7 +148,7 @@ class ContactPipeline:
     thresholds : PressThresholds or None
         Fixed press thresholds, or None to derive the thresholds from the noise.
     smallest_contact : int
-        Size of the smallest contact that is reported [taxels].
+        Size of the smallest reported contact [taxels].
     curve : Curve or None
         Function that turns readings into pressures.
     fusion : FusionSettings or None
@@ -194,7 +194,7 @@ class ContactPipeline:
         saturated : array_like or None
             True for each taxel at the end of its range, bool (rows, cols).
         unmapped : array_like or None
-            True for each place without a taxel, bool (rows, cols).
+            True for each cell without a taxel, bool (rows, cols).
         """
         if self._curve is not None and values.dtype != bool:
             values = self._curve(values.astype(float))
@@ -238,7 +238,7 @@ class ContactPipeline:
         Returns
         -------
         found : FoundContact
-            The recognised contact, together with pieces that were separated from it.
+            The recognised contact, together with the pieces joined to it.
         recognition : Recognition
             Its recognition.
         """
@@ -265,9 +265,9 @@ class ContactPipeline:
         return results
 
     def restart(self) -> None:
-        """Forget the shape that earlier frames have shown.
+        """Forget the shape recognised in earlier frames.
 
-        Call this method when the pad is known to touch another object.
+        Call this method when you know that the pad touches another object.
         """
         self._follower.restart()
         self._motion.restart()

@@ -1,6 +1,6 @@
 """Pressure profiles under rigid objects.
 
-The pressure is low in the middle of a flat punch and high in the middle of a dome.
+The pressure is low at the centre of a flat punch and high at the centre of a dome.
 
 Each profile is a sum of uniform pressures on nested outlines with the same centre.
 """
@@ -48,8 +48,8 @@ def _profile(indenter: Indenter, sizes: np.ndarray, steps: np.ndarray, length_ra
 DOME_SIZES = np.array((1.0, 0.94, 0.84, 0.68, 0.42))
 #: Relative sizes of a cone's outlines, which are closest together where the pressure rises.
 CONE_SIZES = np.array((1.0, 0.88, 0.70, 0.48, 0.24))
-# A lying cylinder presses more at its ends. These values gave the closest match to contacts computed with the training
-# seeds.
+# A cylinder on its side presses harder at its ends. These values gave the closest match to contacts simulated with the
+# training seeds.
 END_LENGTH = 0.85    #: length between the ends, as a share of the whole length
 END_PRESSURE = 0.75  #: additional pressure at the ends
 
@@ -85,7 +85,7 @@ def _cone() -> Profile:
 
 
 def _lying_cylinder() -> Profile:
-    """Return the profile of a lying cylinder.
+    """Return the profile of a cylinder on its side.
 
     Across the axis, the pressure is p = 4 / pi sqrt(1 - y^2) (Hertz). Along the axis, the ends carry more pressure,
     like the rim of a punch.
@@ -98,8 +98,8 @@ def _lying_cylinder() -> Profile:
                     (1.0, CYLINDER_LARGER))
 
 
-#: Profile of a flat punch, made of two outlines. Their sizes and pressures gave the closest match to computed contacts
-#: of the five shapes with edges of any rounding (synthetic/, training seeds).
+#: Profile of a flat punch, made of two outlines. Their sizes and pressures gave the closest match to simulated contacts
+#: of the five shapes with edges of any radius (synthetic/, training seeds).
 PUNCH = _profile(Indenter.FLAT_PUNCH, np.array(((1.0, 1.0), (0.85, 0.85))), np.array((1.90, -1.27)),
                  (0.87, 0.87))
 BALL, CONE, LYING_CYLINDER = _ball(), _cone(), _lying_cylinder()
@@ -122,7 +122,7 @@ class _Found(NamedTuple):
 
 
 #: A fit of a small contact underestimates the depth. The error grows as the contact gets smaller, because the two
-#: nested outlines are coarser than the pressure at the rim of a punch. The values were measured on contacts computed
+#: nested outlines are coarser than the pressure at the rim of a punch. The values were measured on contacts simulated
 #: with the training seeds, like the tables in model_error.py.
 _FOUND = {Indenter.FLAT_PUNCH: _Found(0.15, -1.2, 0.14), Indenter.BALL: _Found(0.08, -0.17, 0.35),
           Indenter.CONE: _Found(0.08, -0.17, 0.35), Indenter.LYING_CYLINDER: _Found(0.18, -0.92, 0.13)}
@@ -154,7 +154,7 @@ def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> tuple[f
 def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: float) -> float:
     """Convert the depth that a fit has found to the logarithm of the true depth.
 
-    This function is the inverse of `expected_log_depth`. The standard deviation for a single fit is the one that
+    This function is the inverse of `expected_log_depth`. For a single fit, the standard deviation is the one that
     `expected_log_depth` returns for an exactly known layer.
 
     Parameters
@@ -174,7 +174,7 @@ def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: f
 def check_layer(layer: Layer, pitch: float | None = None) -> None:
     """Raise ConfigurationError if the depth or its deviation is invalid.
 
-    If ``pitch`` [m] is given, the function also raises the error for a depth that taxels with this pitch cannot have.
+    If ``pitch`` [m] is given, the function also raises the error if no taxels with this pitch can have this depth.
     """
     if not (0 < layer.depth < np.inf and 0 < layer.deviation < np.inf):
         raise ConfigurationError('layer of the skin', expected='a depth > 0 [m] and a deviation > 0',

@@ -2,7 +2,7 @@
 
 All lengths are in pitches. The rim is located along rows and columns, between a taxel of the contact and a taxel beside
 the contact. At the rim, the interpolated values are half of the contact's local level. Next to hidden taxels, the pad's
-edge and places without a taxel, the rim is the border of the last visible taxel, and the contact may continue.
+edge and cells without a taxel, the rim is the border of the last visible taxel, and the contact may continue.
 """
 
 from typing import NamedTuple
@@ -16,31 +16,31 @@ from tactile_node.contact.visibility import Visibility, visibility_of
 
 NEIGHBOUR_STEPS = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))  #: Steps to the four neighbours, (x, y).
 
-#: Within this many rows and columns of an unseen place, the rim does not count as an end of the contact.
+#: Within this many rows and columns of an unseen cell, the rim does not count as an end of the contact.
 UNSEEN_REACH = 1.5
 #: Reading of the outermost taxels relative to inner taxels under an even pressure. The share is below 1, because the
 #: contact covers the outermost taxels only in part.
 EVEN_SHARE = 0.75
 STEEPNESS_RANGE = (0.4, 1.8)  #: Smallest and largest value that `_steepness` returns.
 
-#: Largest variation of a straight rim. If two places of the rim differ by less than this along an axis, they count as
+#: Largest variation of a straight rim. If two points on the rim differ by less than this along an axis, they count as
 #: equally far out.
 STRAIGHT_TOLERANCE = 0.35
 
 
 class Rim(NamedTuple):
-    """Places of a contact's rim in the pad frame."""
+    """Points on a contact's rim in the pad frame."""
 
     places: np.ndarray  #: x, y, (n, 2)
-    is_end: np.ndarray  #: True where the contact ends, because no unseen place is near, bool (n,)
+    is_end: np.ndarray  #: True where the contact ends, because no unseen cell is near, bool (n,)
     graded: bool        #: True if the taxels measure pressure and no taxel of the contact is saturated
 
 
 def rim_of(pattern: ContactPattern, visibility: Visibility | None = None) -> Rim:
     """Return the rim of a contact.
 
-    Hidden taxels count as unseen places if the contact may continue in them (`Visibility.outline_hidden`). Single
-    hidden taxels only make the rim less certain.
+    Hidden taxels count as unseen cells if the contact may continue in them (`Visibility.outline_hidden`). Single hidden
+    taxels only make the rim less certain.
 
     Parameters
     ----------
@@ -93,8 +93,8 @@ def ends_seen(rim: Rim, angle: float) -> np.ndarray:
     """Return which ends of the contact, along ``angle`` and across it, are seen, as bool (2, 2).
 
     The first index is the axis. The second index is the end: 0 for the lower end, 1 for the higher end. An end is seen
-    if the rim reaches it at a place that is not near unseen places. For example, the two flanks of a bar that leaves
-    the pad are seen.
+    if the rim reaches it at a point that is not near unseen cells. For example, if a bar extends beyond the pad, its
+    two flanks are seen.
     """
     if rim.is_end.all():
         return np.ones((2, 2), bool)
@@ -114,7 +114,7 @@ def is_cut(rim: Rim, angle: float) -> np.ndarray:
 
 
 def _along(rim: Rim, angles: np.ndarray) -> np.ndarray:
-    """Return the coordinates of the rim's places along and across axes at ``angles``, (n, 2, k)."""
+    """Return the coordinates of the rim's points along and across axes at ``angles``, (n, 2, k)."""
     cos, sin = np.cos(angles), np.sin(angles)
     axes = np.array(((cos, -sin), (sin, cos)))
     along: np.ndarray = rim.places @ axes.reshape(2, -1)

@@ -29,7 +29,7 @@ AMBIGUOUS_MISFIT = 6.0  #: Two fits cannot be distinguished if their sums of squ
 
 #: At the pad's edge, AMBIGUOUS_MISFIT is larger by this factor, because the part beyond the edge is a guess.
 EDGE_AMBIGUITY = 20.0
-PUNCH_RATIO = 1.4  #: A punch is not refined if a dome's sum of squares is smaller by this factor.
+PUNCH_RATIO = 1.4  #: A punch fit is not refined if a dome fit's sum of squares is smaller by this factor.
 
 #: A fit is not refined if its misfit after the first pass exceeds the best misfit by more than this.
 HOPELESS_MISFIT = 500.0
@@ -39,7 +39,7 @@ LEAST_RESIDUAL = 0.03  #: WORSE_RATIO is applied to this residual if the search 
 
 
 class Estimate(NamedTuple):
-    """An outline in pitches, with the long side first and the equivalent angle nearest 0."""
+    """An outline in pitches, with the long side first and its angle reduced to the equivalent angle nearest 0."""
 
     parameters: np.ndarray
     covariance: np.ndarray
@@ -54,7 +54,7 @@ class Found(NamedTuple):
     candidate: Candidate
     place: Place  #: point at which the model was last computed
     estimate: Estimate
-    others: np.ndarray        #: part of the covariance due to other outlines that are nearly as likely
+    others: np.ndarray        #: part of the covariance due to other, nearly as likely outlines
     residual: float  #: root mean square of the difference between value and model, as a fraction of the contact's level
     searched_residual: float  #: residual of the latest search
     on_off: bool
@@ -145,8 +145,8 @@ def _coarse_fits(evidence: Evidence, shape: Shape, layer: Layer | None) -> list[
     domes = [coarse(evidence, shape, starts[0], dome, layer) for dome in DOMES[shape]]
     if is_no_punch(shape, punches[0]):
         return domes
-    # A punch that fits worse than a dome is dropped. Otherwise the new weights would treat the dome's tip as outliers,
-    # and the rest would look like an even pressure on an outline that is too small.
+    # A punch fit that is worse than a dome fit is dropped. Otherwise the new weights would treat the dome's tip as
+    # outliers, and the rest would look like an even pressure on an outline that is too small.
     least = min(map(_misfit, domes))
     return [punch for punch in punches if _misfit(punch) < PUNCH_RATIO * least] + domes
 
@@ -196,7 +196,7 @@ def _estimate(shape: Shape, evidence: Evidence, found: Candidate, information: n
 
 def _canonical(shape: Shape, handedness: int, parameters: np.ndarray,
                covariance: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
-    """Return the outline with the long side first and with the equivalent angle nearest 0."""
+    """Return the outline with the long side first and its angle reduced to the equivalent angle nearest 0."""
     outline: Outline = OUTLINES[shape]
     if not outline.symmetry:
         return parameters, handedness, covariance

@@ -60,7 +60,7 @@ def _table() -> tuple[np.ndarray, np.ndarray]:
 
 
 def kernel(depth: float) -> np.ndarray:
-    """Return the mean stress over each taxel around a taxel that carries a pressure of 1.
+    """Return the mean stress on each taxel around a taxel loaded with a pressure of 1.
 
     The surrounding taxels are up to KERNEL_REACH away along either axis. ``depth`` is in pitches.
     """
@@ -108,7 +108,7 @@ class Prediction(NamedTuple):
 
     values: np.ndarray    #: (rows * cols,)
     jacobian: np.ndarray  #: (parameters, rows * cols)
-    rim: np.ndarray       #: (rows * cols,), sensitivity of each value to the place of the outline
+    rim: np.ndarray       #: (rows * cols,), sensitivity of each value to the position of the outline
 
 
 class Model:
@@ -222,7 +222,8 @@ class PressureModel(Model):
     def _kernels(self, log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the kernels along rows (with the sign) and across rows, and the derivatives of both.
 
-        Each array has the shape (KERNEL_TERMS, n, n). The derivatives are with respect to the logarithm of the depth.
+        Each array has the shape (KERNEL_TERMS, n, n). The derivatives are taken with respect to the logarithm of the
+        depth.
         """
         signs, taps, by_log_depth = taps_at(log_depth)
         along, deeper_along = ((tap * signs).take(self._row_distance, 1) for tap in (taps, by_log_depth))

@@ -1,41 +1,43 @@
-"""Decide whether a measured place is at rest or moves, by comparing the place with an earlier reference.
+"""Decide whether a measured position is at rest or moves, by comparing the position with an earlier reference.
 
-The reference is the mean place over REFERENCE_TIME. The reference lies as far in the past as a movement at the speed
-SLOWEST takes to become detectable. A slower movement, such as drift, moves the reference along.
+The reference is the mean position over REFERENCE_TIME. The reference is old enough for a movement at the speed SLOWEST
+to have become detectable. The reference follows a slower movement, such as drift.
 
-A place counts as moving once its distance from the reference exceeds both a step and the noise. Either two consecutive
-frames must exceed this limit, or one frame must exceed it clearly. If only a single frame exceeds the limit, and not
-clearly, that frame is discarded. A place counts as at rest again after it has stayed for STOPPED, or for the longer
-time in which a slow movement would have become detectable.
+A position counts as moving once its distance from the reference exceeds both a step and the noise. Either two
+consecutive frames must exceed this limit, or one frame must exceed it clearly. If only a single frame exceeds the
+limit, and not clearly, that frame is discarded. A position counts as at rest again after it has stayed the same for
+STOPPED. After a slow movement, it must stay the same for the longer time in which such a movement would become
+detectable.
 """
 
 import math
 from collections import deque
 from typing import NamedTuple
 
-SLOWEST = 0.0004      #: Slowest speed that is detected [m/s].
+SLOWEST = 0.0004      #: Slowest detectable speed [m/s].
 REFERENCE_TIME = 0.3  #: Time over which the reference is averaged [s].
-STOPPED = 0.3         #: Shortest time without movement after which a place counts as stopped [s].
-FEWEST = 3            #: Smallest number of places in a reference.
+STOPPED = 0.3         #: Shortest time without movement after which a position counts as stopped [s].
+FEWEST = 3            #: Smallest number of positions in a reference.
 
 #: Number of standard deviations that a movement must exceed. The number is high to avoid false alarms in thousands of
 #: frames.
 CERTAINTY = 5.0
 #: Share of a reported standard deviation that is noise from frame to frame. The rest is a constant error of the fit.
 CLAIMED = 0.5
-PRIOR = 4  #: Weight of the reported noise, expressed as a number of places.
+PRIOR = 4  #: Weight of the reported noise, expressed as a number of positions.
 CLEARLY = 1.6  #: Factor by which a single frame must exceed the limit to prove a movement.
-GOES_ON = 0.5  #: Share of a step that a place must cover within the stopping time to count as moving.
+GOES_ON = 0.5  #: Share of a step that a position must cover within the stopping time to count as moving.
 FORCE_TIME = 0.5  #: Time over which the reference of the force is averaged [s].
 FORCE_STEP = 0.35  #: Step of the force, as a share of the reference.
 LEAST_FORCE_STEP = 0.05  #: Smallest step of the force [N].
 
-#: A place has stopped if it travels less than this share of a step between the first and the last third of the time.
+#: A position has stopped if it moves less than this share of a step from the first to the last third of the stopping
+#: time.
 STAYED = 1 / 6
 
 
 class Place(NamedTuple):
-    """A place at one time, with the load on the contact in any unit [s, m]."""
+    """A position at one time [s, m], with the load on the contact in any unit."""
 
     time: float
     x: float
@@ -44,7 +46,7 @@ class Place(NamedTuple):
 
 
 class Track:
-    """Follows one place through measurements in chronological order.
+    """Follows one position through measurements in chronological order.
 
     Parameters
     ----------
@@ -60,23 +62,23 @@ class Track:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the reference, and treat the place as not moving."""
+        """Forget the reference, and treat the position as not moving."""
         self.is_moving = False
-        self.probability = 0.0  #: probability in the latest frame that the place has moved by half a step
+        self.probability = 0.0  #: probability in the latest frame that the position has moved by half a step
         self._hold = STOPPED
         self.forget()
 
     def forget(self) -> None:
-        """Forget the reference, because the place is measured differently from now on."""
+        """Forget the reference, because the position is measured differently from now on."""
         self._recent: deque[Place] = deque()
         self._reference: deque[Place] = deque()
-        self._sums = [0.0] * 4  # sums of x, y and x² + y² relative to the first place, and of the load
+        self._sums = [0.0] * 4  # sums of x, y and x² + y² relative to the first position, and of the load
         self._first = Place(math.nan, 0.0, 0.0, 0.0)
         self._was_over: tuple[float, float] | None = None
 
     @property
     def is_known(self) -> bool:
-        """True if enough frames show whether the place is at rest or moves."""
+        """True if enough frames show whether the position is at rest or moves."""
         return self.is_moving or len(self._reference) >= FEWEST
 
     @property
@@ -86,7 +88,7 @@ class Track:
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """Velocity along x and y from a line through the latest places [m/s], or NaN if there are too few places."""
+        """Velocity along x and y from a line through the latest positions [m/s], or NaN for too few positions."""
         tail = self._tail()
         count = len(tail)
         if count < 2:
@@ -111,21 +113,21 @@ class Track:
 
     def update(self, time: float, x: float, y: float, sd: float, slack: float = 0.0,
                load: float = 0.0) -> None:
-        """Add the place that the next frame shows.
+        """Add the position measured in the next frame.
 
         Parameters
         ----------
         time : float
             Time of the frame [s].
         x, y : float
-            The place [m].
+            The position [m].
         sd : float
-            Standard deviation of the place [m].
+            Standard deviation of the position [m].
         slack : float
-            Distance by which the place may be wrong for another reason [m]. The distance is added to the limit of a
+            Distance by which the position may be wrong for another reason [m]. This distance is added to the limit of a
             movement.
         load : float
-            Load at the place, in any unit.
+            Load on the contact, in any unit.
         """
         place = Place(time, x, y, load)
         self._recent.append(place)
@@ -156,13 +158,13 @@ class Track:
         if self._was_over and before[0] * away[0] + before[1] * away[1] > 0:
             return True
         if len(self._recent) > 1:
-            del self._recent[-2]  # the place was elsewhere in only that frame
+            del self._recent[-2]  # the position jumped in only that frame
         return False
 
     def _let_follow(self, time: float) -> None:
-        """Move places that are old enough into the reference.
+        """Move positions that are old enough into the reference.
 
-        An empty reference receives the older half of all places.
+        An empty reference receives the older half of all positions.
         """
         begin = self._first.time
         end = max(time - self._lag, min(begin + REFERENCE_TIME, (begin + time) / 2))
@@ -178,7 +180,7 @@ class Track:
             self._sums[index] += sign * value
 
     def _tail(self) -> list[Place]:
-        """Return the latest places, back to the first place that is more than one step away."""
+        """Return the latest positions, back to the first position that is more than one step away."""
         tail: list[Place] = []
         for place in reversed(self._recent):
             tail.append(place)

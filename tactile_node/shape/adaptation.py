@@ -17,10 +17,10 @@ import numpy as np
 from tactile_node.taxel_frame import read_only
 
 ADAPTATION_VERSION = 1      #: Version of the adaptation's arrays in a file.
-ADAPTATION_MARK = '_skin_'  #: Part of the names of the adaptation's arrays in a file.
+ADAPTATION_MARK = '_skin_'  #: Part of the name of each array that belongs to an adaptation.
 LEAST_PROBABILITY = 1e-6    #: Lower limit of a probability, so that the adaptation can make every class likelier.
 
-#: Upper limit of the temperature and of each coefficient's magnitude. Fitted numbers are far smaller.
+#: Upper limit of the temperature and of each coefficient's magnitude. Fitted values are far smaller.
 LARGEST_NUMBER = 100.0
 
 
@@ -95,7 +95,7 @@ def _adaptation(data: Mapping[str, np.ndarray], kind: str, outputs: int, width: 
     temperature, biases, weights = (read_only(array.astype(float)) for array in arrays)
     if temperature < 1 / LARGEST_NUMBER or any(np.abs(each).max() > LARGEST_NUMBER
                                                for each in (temperature, biases, weights)):
-        raise ValueError('an adaptation to a skin with numbers out of range')
+        raise ValueError('an adaptation with numbers out of range')
     return Adaptation(float(temperature), biases, weights)
 
 

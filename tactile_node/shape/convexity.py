@@ -11,10 +11,10 @@ from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of, reached
 #: Smallest share of its hull that each of the five shapes fills, after small gaps are closed and rims are filled. The
 #: value was chosen on the validation seeds.
 LEAST_CONVEXITY = 0.7
-PARTIAL_LEVEL = 0.2  #: Pressures above this share of the contact's mean belong to the contact.
+PARTIAL_LEVEL = 0.2  #: Taxels with a pressure above this share of the contact's mean belong to the contact.
 HULL_ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))  #: Directions in which the hull is measured [rad].
 HULL_AXES = np.stack((np.cos(HULL_ANGLES), np.sin(HULL_ANGLES)))  #: Unit vector of each direction, one per column.
-HULL_ROUNDING = 0.01  #: Places up to this distance outside the hull count as inside [pitches].
+HULL_ROUNDING = 0.01  #: Points up to this distance outside the hull count as inside [pitches].
 
 
 def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:

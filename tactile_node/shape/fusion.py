@@ -2,15 +2,16 @@
 
 Each frame adds its log-probabilities, following Bayes' rule, with two limits:
 
-- Frames in quick succession have the same errors. A frame therefore counts only for the share of ``correlation_time``
+- Frames in quick succession have the same errors. The weight of a frame is therefore the share of ``correlation_time``
   that has passed since the previous frame.
-- The object may change. Evidence therefore fades with ``memory``, ``floor`` limits the evidence of a single frame, and
-  no class leads by more than ``lead``. The result follows a change after at most `FusionSettings.frames_to_follow`
-  frames that agree. When a contact begins or ends, the fusion starts again immediately.
+- The object may change. Evidence therefore fades with the time constant ``memory``. In addition, ``floor`` limits the
+  evidence from a single frame, and ``lead`` limits the lead of the leading class. The result follows a change after at
+  most `FusionSettings.frames_to_follow` frames that agree. When a contact begins or ends, the fusion starts again
+  immediately.
 
 Hidden taxels stay hidden, no matter how many frames agree. Each way of reading the hidden taxels
 (`Recognition.alternatives`) is therefore fused separately, and the result is the mean over all readings. A shape that
-the taxels do not support is treated in the same way, because the next frame does not have more taxels.
+the taxels do not support is treated in the same way, because later frames of the contact have no more taxels.
 
 A frame in which the contact is not seen adds no evidence. Such a frame is reported as not seen, and the evidence of
 earlier frames is kept for the next frame.
@@ -96,7 +97,7 @@ class RecognitionFusion:
     def reset(self) -> None:
         """Forget all evidence.
 
-        Call this method when the pad is known to touch another object.
+        Call this method when you know that the pad touches another object.
         """
         self._stamp: float | None = None
         self._shape: ShapeClass | None = None
@@ -128,7 +129,7 @@ class RecognitionFusion:
         Raises
         ------
         InputError
-            Raised if a number is NaN or infinite, because such a number would stay in the evidence.
+            Raised if a number is NaN or infinite, because it would stay in the evidence.
         """
         _check(stamp, frame)
         if not frame.is_evidence:

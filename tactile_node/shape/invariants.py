@@ -1,4 +1,4 @@
-"""Compute numbers that describe a patch and do not change when the contact is rotated.
+"""Compute numbers that describe a patch independently of the contact's rotation.
 
 The numbers are moments of the contact and of its hull, the width of the hull, and the overlap of each of the five
 shapes with the contact. The hull fills in silent taxels inside the contact.
@@ -25,7 +25,7 @@ HARMONIC_WAVES = np.exp(-1j * np.outer(DIRECTION_ANGLES, np.arange(HARMONICS + 1
 MOMENT_ORDERS = ((2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (2, 2), (5, 0), (6, 0))
 HIGHEST_ORDER = 6
 COUNT = 9 + 2 * len(MOMENT_ORDERS) + HARMONICS + likeness.COUNT  #: Number of values that describe a patch.
-LOG_TAXELS = 0  #: Index of the logarithm of the contact's number of taxels.
+LOG_TAXELS = 0  #: Index of the log of the contact's number of taxels.
 OVERLAPS = slice(COUNT - likeness.COUNT, COUNT - 1)  #: Indices of the overlaps with `likeness.FIGURES`.
 
 
@@ -51,7 +51,7 @@ def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> 
     levels : np.ndarray
         Levels of the patches, (K, SIDE, SIDE).
     unseen : np.ndarray
-        Share of each cell that is not seen, (K, SIDE, SIDE).
+        Unseen share of each cell, (K, SIDE, SIDE).
     scales : np.ndarray
         Width of a cell [taxels], (K,).
 
@@ -88,12 +88,12 @@ def _magnitudes(moments: np.ndarray) -> np.ndarray:
 
 
 def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the support function, (K, DIRECTIONS), of the cells that are more than half covered.
+    """Return the support function, (K, DIRECTIONS), of all cells more than half covered.
 
     The support function reaches half a cell beyond the centres of the cells.
     """
     cells = inside.reshape(len(inside), -1).sum(1)
-    if not cells.all():  # a patch without covered cells gets a single cell in its middle
+    if not cells.all():  # a patch without covered cells gets a single cell at its centre
         inside = inside.copy()
         inside[cells == 0, SIDE // 2, SIDE // 2] = True
         cells = np.maximum(cells, 1)

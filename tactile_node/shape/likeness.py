@@ -36,7 +36,7 @@ def likeness(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
     weight : np.ndarray
         Levels of the patches, (K, rows, cols).
     y, x : np.ndarray
-        Places of the cells relative to the centre of area [cells], (K, rows) and (K, cols).
+        Positions of the cells relative to the centre of area [cells], (K, rows) and (K, cols).
     total : np.ndarray
         Sum of the levels of each patch, (K,).
     moments : np.ndarray

@@ -52,8 +52,8 @@ class VisibilityGuard:
       taxels is also reported as NOT_SEEN.
     - If hidden taxels may change the shape, the guard reports the weighted mean of the method's results for all
       readings of the hidden taxels.
-    - A contact that may consist of specks or lines formed by chance is UNKNOWN. The reason is NOT_SEEN if hidden taxels
-      matter.
+    - A contact is UNKNOWN if it may consist of specks or lines formed by chance. The reason is NOT_SEEN if hidden
+      taxels matter.
     - For every other UNKNOWN contact, `why_unfamiliar` determines the reason.
 
     Parameters

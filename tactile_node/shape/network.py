@@ -64,7 +64,7 @@ def _convolved(images: np.ndarray, kernel: np.ndarray, bias: np.ndarray, taps: i
     padded[:, 1:-1, 1:-1] = images
     high, wide = ((size + 2 - taps) // STRIDE + 1 for size in (rows, cols))
     k, r, c, one = padded.strides
-    windows = np.ndarray((count, high, wide, taps, taps, channels), np.float32, padded,  # as_strided takes 10 us more
+    windows = np.ndarray((count, high, wide, taps, taps, channels), np.float32, padded,  # as_strided takes 10 us longer
                          strides=(k, r * STRIDE, c * STRIDE, r, c, one))
     out: np.ndarray = windows.reshape(count * high * wide, taps * taps * channels) @ kernel
     out += bias

@@ -1,4 +1,4 @@
-"""Convert a contact pattern to a patch: the contact on a small grid, in a standard place, level and orientation.
+"""Convert a contact pattern to a patch: the contact on a small grid, with a standard position, level and orientation.
 
 The patch is the input of the learned recogniser. The contact in the patch consists of the pattern's mask and the
 pressed pieces close to the mask, because silent columns and dead taxels break a contact into pieces. If the taxels
@@ -35,7 +35,7 @@ class Patch(NamedTuple):
 
 
 def joined(pattern: ContactPattern) -> np.ndarray:
-    """Return the mask of the pattern, joined with pressed pieces that are close to the mask or to a joined piece.
+    """Return the mask of the pattern, joined with the pressed pieces close to the mask or to a joined piece.
 
     The result is bool (rows, cols) and contains no specks. A speck is a group of fewer than PIECE_TAXELS taxels. Taxels
     with at most one other taxel between them belong to the same group.
@@ -80,7 +80,7 @@ def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
     values : np.ndarray
         Taxel values of the frame, float (rows, cols).
     mask : np.ndarray
-        Taxels of the contact, bool (rows, cols), of which at least one is True.
+        Taxels of the contact, bool (rows, cols), with at least one True.
     """
     (low, high), around = np.array([(used.start, used.stop) for used in box_of(mask)]).T, box_of(mask, RIM_REACH)
     level, dead, graded = _levels(values[around], mask[around])
@@ -137,7 +137,7 @@ def _levels(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _filled(level: np.ndarray, dead: np.ndarray) -> np.ndarray:
-    """Return ``level`` with each dead taxel set to the mean of its neighbours that are not dead."""
+    """Return ``level`` with each dead taxel set to the mean of its live neighbours."""
     room = np.array(level.shape) + 2
     known, valid = np.zeros(room), np.zeros(room)
     known[1:-1, 1:-1], valid[1:-1, 1:-1] = np.where(dead, 0, level), ~dead
@@ -163,7 +163,7 @@ def _overlap(start: int, size: int) -> tuple[slice, slice]:
 
 def _scaled(level: np.ndarray, dead: np.ndarray, scale: float, before: list[int],
             extent: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the means over cells that are ``scale`` taxels wide, with the contact in the middle of the patch."""
+    """Return the means over cells that are ``scale`` taxels wide, with the contact at the centre of the patch."""
     down, along = (_cells(n, scale, margin, size) for n, margin, size in zip(level.shape, before, extent))
     covered = down.sum(1)[:, None] * along.sum(1)
     level, dead = down @ level @ along.T, down @ dead @ along.T

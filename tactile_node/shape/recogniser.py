@@ -1,8 +1,8 @@
 """Recognise shapes with a trained network: contact pattern -> patch and geometry -> network -> probabilities.
 
 The recogniser has two small networks, one for on/off taxels and one for pressures. Each network returns six logits.
-Five logits belong to the five classes and are divided by a temperature that was found on validation patterns. The sixth
-logit is for a contact with none of the five shapes and has a bias.
+Five logits belong to the five classes and are divided by a temperature fitted to validation patterns. The sixth logit
+is for a contact with none of the five shapes and has a bias.
 
 The weights are stored in config/recogniser.npz, which training/train.py writes. A file from `tactile teach` contains
 these weights and the heads of taught shapes (taught.py). A file from `tactile assess` contains these weights and the
@@ -31,8 +31,8 @@ from tactile_node.shape.taught import Head, join, read_taught
 
 #: Class of each output of the networks. The order is part of the file format of the weights.
 OUTPUTS = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE, Shape.UNKNOWN)
-#: Smallest number of taxels of a contact that is recognised. A smaller contact is UNKNOWN. The limits correspond to an
-#: area of nine taxels. Pressures need fewer pressed taxels because they also show the rim of the contact.
+#: Smallest number of taxels with which a contact is recognised. A smaller contact is UNKNOWN. The limits correspond to
+#: an area of nine taxels. Pressures need fewer pressed taxels because they also show the rim of the contact.
 FEWEST_TAXELS = {'on_off': 6, 'graded': 4}
 #: The pieces of a torn contact are recognised together. If joining the pieces raises the probability of UNKNOWN by more
 #: than this value, compared with the largest piece alone, the largest piece is recognised alone.
@@ -40,7 +40,7 @@ DOUBT_GAIN = 0.2
 #: To be recognised alone, the largest piece must have at least this share of the taxels of all pieces. Pieces of
 #: similar size are parts of one contact.
 MOST_OF_PIECES = 0.5
-#: Smallest probability of UNKNOWN for a contact that is not convex.
+#: Smallest probability of UNKNOWN for a non-convex contact.
 NOT_CONVEX_PROBABILITY = 0.99
 LAYERS = len(TAPS) + 3
 MOST_ARRAY_BYTES = 1 << 24  #: Largest total size of the arrays in a file [bytes]. Actual files are far smaller.
@@ -130,7 +130,7 @@ class ShapeRecogniser:
         except KeyError as error:
             raise _unusable(path, f'no array {error}') from None
         except (ValueError, TypeError, EOFError, AttributeError, MemoryError, OverflowError, BadZipFile,
-                NotImplementedError, RuntimeError, zlib.error) as error:  # numpy passes on errors of zipfile and zlib
+                NotImplementedError, RuntimeError, zlib.error) as error:  # NumPy passes on errors from zipfile and zlib
             raise _unusable(path, ' '.join(str(error).split())) from None
 
     def adapted(self, adaptations: Mapping[str, Adaptation]) -> 'ShapeRecogniser':
@@ -282,19 +282,21 @@ def _as_foreign(probabilities: np.ndarray) -> np.ndarray:
 def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
     """Return all arrays of a .npz file by name.
 
-    The size is checked before the file is unpacked, because a small .npz file may unpack to more than the memory holds.
+    The size is checked before the file is unpacked, because a small .npz file may unpack to more data than fits in
+    memory.
 
     Raises
     ------
     ValueError
-        Raised if the arrays are too large, use a compression that NumPy does not use, or contain NaN or infinity.
+        Raised if the arrays are too large, use a compression method that NumPy does not write, or contain NaN or
+        infinity.
     BadZipFile
         Raised if the file is not an archive.
     """
     with ZipFile(path) as packed:
         members = packed.infolist()
     if not {each.compress_type for each in members} <= {ZIP_STORED, ZIP_DEFLATED}:
-        raise ValueError('a compression that NumPy does not use')
+        raise ValueError('a compression method that NumPy does not write')
     if (size := sum(each.file_size for each in members)) > MOST_ARRAY_BYTES:
         raise ValueError(f'{size} bytes of arrays, more than {MOST_ARRAY_BYTES}')
     with np.load(path, allow_pickle=False) as data:

@@ -43,8 +43,8 @@ class UnknownReason(IntEnum):
     NOT_SEEN = 2       #: hidden taxels may hide a contact, or the outline of a contact
     UNFAMILIAR = 3     #: the contact is seen, and its outline matches none of the known shapes
     TOO_SMALL = 4      #: the contact is seen and has too few taxels
-    CUT_BY_EDGE = 5    #: the contact is seen, and the pad's edge cuts it
-    HOLLOW = 6         #: the contact is seen and encloses taxels that are not pressed
+    CUT_BY_EDGE = 5    #: the contact is seen, and the pad's edge cuts it off
+    HOLLOW = 6         #: the contact is seen and encloses unpressed taxels
     SEVERAL_PARTS = 7  #: the contact is seen and consists of several parts
     COVERS_PAD = 8     #: an object covers most of the pad, so that its outline is not seen
     UNSTABLE = 9       #: the contact is seen, but its shape depends on the pressure at which the outline is drawn
@@ -115,7 +115,7 @@ class Recognition(NamedTuple):
     def of_alternatives(cls, weights: Sequence[float], alternatives: Sequence['Recognition']) -> 'Recognition':
         """Return the recognition of a contact with hidden taxels from the recognitions of its readings.
 
-        If the result is UNKNOWN, its reason is the one that all readings give, or NOT_SEEN if the readings give
+        If the result is UNKNOWN, its reason is the reason common to all readings, or NOT_SEEN if the readings give
         different reasons.
 
         Parameters

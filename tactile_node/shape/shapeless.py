@@ -1,9 +1,9 @@
-"""Find contacts that chance or noise may have formed, such as specks, lines and checkerboards.
+"""Find contacts that may have formed by chance or from noise, such as specks, lines and checkerboards.
 
-Taxels that are pressed at random form groups, which are larger where more taxels are pressed (site percolation). The
-density of pressed taxels is measured beside the contact. The size and compactness of random groups were simulated for
-each density, on 1,500 pads each of 8x8 and 16x16 taxels and on 200 pads of 64x64 taxels. A real contact is compact:
-most neighbours of its taxels also belong to the contact.
+Taxels pressed at random form groups, which are larger where more taxels are pressed (site percolation). The density of
+pressed taxels is measured beside the contact. The size and compactness of random groups were simulated for each
+density, on 1,500 pads of 8x8 taxels, 1,500 pads of 16x16 taxels and 200 pads of 64x64 taxels. A real contact is
+compact: most neighbours of its taxels also belong to the contact.
 """
 
 import numpy as np
@@ -57,9 +57,9 @@ SLOPE = 0.1
 STEEP = 0.35
 #: If more than this share of the taxels in a contact's rows or columns read far below rest, these lines are noisy.
 BELOW_REST = 0.15
-#: With fewer taxels per row away from the contact than this, it is unknown whether the rows hum.
+#: With fewer taxels per row away from the contact than this, it is unknown whether the rows show hum.
 LINE = 3
-#: At this density beside a contact and above, the contact needs the compactness AMONG_SPECKS.
+#: At or above this density beside a contact, the contact needs the compactness AMONG_SPECKS.
 SPECKLED = 0.08
 AMONG_SPECKS = 0.55
 #: A contact below this compactness counts as formed by chance if it is small (FEW, FEW_ALONE) or scattered (LARGEST).
@@ -75,7 +75,7 @@ LARGEST = 0.4
 SMALL = 16
 #: Lowest pressure in the rim of a small contact, as a share of the contact's mean.
 PARTIAL = 0.25
-#: Smallest -log of the probability that chance presses all taxels of a compact contact.
+#: Smallest negative logarithm of the probability that all taxels of a compact contact are pressed by chance.
 SURE = 15.0
 
 
@@ -84,11 +84,11 @@ def is_shapeless(pattern: ContactPattern) -> bool:
 
     A contact is shapeless in these cases:
 
-    - The contact is a group that chance may form at the density of the pressed taxels beside the group.
+    - The contact is a group that may have formed by chance at the density of the pressed taxels beside it.
     - The contact is a line one taxel wide.
     - The contact reaches three edges of the pad, so that its width is not seen.
-    - The contact is a rise of the readings without an edge.
-    - The contact is one piece of a noisy line, or a band of rows on a pad that hums.
+    - The contact is a rise in the readings without an edge.
+    - The contact is one piece of a noisy line, or a band of rows on a pad with hum.
 
     >>> row = np.eye(8, dtype=bool)[[3] * 8].T
     >>> is_shapeless(ContactPattern.of(row, row.astype(float)))
@@ -107,7 +107,7 @@ def is_shapeless(pattern: ContactPattern) -> bool:
 
 
 def _is_chance(pattern: ContactPattern, together: np.ndarray) -> bool:
-    """Return True if chance may form the contact at the density of the pressed taxels beside the contact."""
+    """Return True if the contact may have formed by chance at the density of the pressed taxels beside it."""
     taxels, whole = int(np.count_nonzero(pattern.mask)), np.count_nonzero(together)
     density, compactness = _density_beside(pattern, together), _compactness(pattern.mask)
     if density >= SPECKLED and compactness < AMONG_SPECKS:
@@ -151,7 +151,7 @@ def _is_across(mask: np.ndarray) -> bool:
 
 
 def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
-    """Return True if the contact is one of many pieces along a few rows or columns, as formed by noisy lines."""
+    """Return True if the contact is one of many pieces along a few rows or columns, such as noisy lines form."""
     (high, wide), extents = _extents(together), _extents(mask)
     longest = max(high, wide)
     return bool(min(high, wide) <= STRING and longest >= LONG * together.shape[0 if high > wide else 1]
@@ -167,7 +167,7 @@ def _extents(taxels: np.ndarray) -> tuple[int, int]:
 def _is_rise(pattern: ContactPattern, together: np.ndarray) -> bool:
     """Return True if the pressures do not fall off around the contact, or do not fall off along its rows or columns.
 
-    In such a case, the readings of the pad or of whole lines (hum) have risen without a contact.
+    In this case, the readings of the pad or of whole lines (hum) have risen without a contact.
     """
     near = together
     for _ in range(FALL + int(SLOPE * np.count_nonzero(together) ** 0.5)):

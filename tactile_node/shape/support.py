@@ -12,23 +12,23 @@ from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, Unkn
 SURE = 0.9          #: Smallest confidence with which a planner acts on a shape.
 UNSUPPORTED = 0.85  #: Highest confidence in a shape that the taxels do not support.
 
-#: Number of taxels that a contact needs for a confident recognition. The numbers were chosen with 6,000 computed
+#: Number of taxels that a contact needs for a confident recognition. The numbers were chosen with 6,000 simulated
 #: contacts of the five shapes (validation seeds). With fewer taxels, less than 90 % of the confident squares and
-#: rectangles were correct. Triangles have the same limit as rectangles. The computed triangles were correct, but real
+#: rectangles were correct. Triangles have the same limit as rectangles. The simulated triangles were correct, but real
 #: fingertips of 6 taxels are also recognised as triangles.
 DECIDING_TAXELS = {Shape.SQUARE: 12, Shape.RECTANGLE: 9, Shape.RIGHT_TRIANGLE: 9, Shape.ISOSCELES_TRIANGLE: 9}
-#: Figure of `likeness` that is placed on a contact of each shape.
+#: Figure from `likeness` with which a contact of each shape is compared.
 FIGURE_OF = {Shape.CIRCLE: 'disc', Shape.SQUARE: 'square', Shape.RECTANGLE: 'rectangle',
              Shape.RIGHT_TRIANGLE: 'triangle', Shape.ISOSCELES_TRIANGLE: 'triangle'}
 FIGURE_TAXELS = 40  #: With this many taxels or more, the overlap with a figure depends on more than the rim.
 
 #: Smallest overlap with the figure of its shape for a confident recognition of a contact with FIGURE_TAXELS or more. On
-#: the open arrays and with computed contacts, 39 of 56 confident recognitions of wrong or foreign shapes had less
+#: the open arrays and with simulated contacts, 39 of 56 confident recognitions of wrong or foreign shapes had less
 #: overlap. Only 29 of 433 correct recognitions had less overlap.
 LEAST_OVERLAP = 0.65
-#: Number of taxels at which corners show even if the gains are uneven. Of 250 computed squares with gains of 3:1, the
-#: network recognised 31 as circles. A square covered most of these 31 contacts better than a disc. None of 250 circles
-#: was covered better by a square.
+#: Number of taxels from which corners are visible even if the gains are uneven. Of 250 simulated squares with gains of
+#: 3:1, the network recognised 31 as circles. A square covered most of these 31 contacts better than a disc. None of 250
+#: circles was covered better by a square.
 CORNER_TAXELS = 80
 #: Difference in overlap by which a disc must cover a large circle better than a square does. The difference was smaller
 #: for 30 of the 31 squares that the network recognised as circles, and for a tenth of the circles with the same gains.
@@ -42,7 +42,7 @@ LEAST_HELD = 0.5  #: Probability that a confident shape must also have along the
 def as_far_as_supported(found: Recognition, pattern: ContactPattern) -> Recognition:
     """Return ``found`` with its confidence limited by the number of taxels of ``pattern``.
 
-    The most probable shape does not change. With few taxels, only a circle can be confident.
+    The most probable shape does not change. With few taxels, only a circle can be recognised with high confidence.
     """
     if not _is_sure(found) or found.shape not in DECIDING_TAXELS:
         return found
@@ -101,7 +101,7 @@ def as_far_as_it_holds(found: Recognition, low: Recognition) -> Recognition:
 
 
 def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
-    """Return the contact extended by the weak pressures connected to it, or None if there are no such pressures.
+    """Return the contact extended by the weak pressures connected to it, or None if there are no weak pressures.
 
     Parameters
     ----------

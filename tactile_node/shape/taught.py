@@ -1,4 +1,4 @@
-"""Recognise the shapes that a user has taught, with heads that are stored as arrays in a model file.
+"""Recognise the shapes that a user has taught, with heads stored as arrays in a model file.
 
 A head is a multinomial logistic regression on the embedding of a network. The head compares N taught shapes with
 everything else. The networks do not change. The five classes and UNKNOWN share the probability that the head gives to
@@ -24,9 +24,9 @@ MOST_TAUGHT = 16  #: Largest number of taught shapes in a file.
 NAME_FORM = re.compile(r'[a-z][a-z0-9_]{0,31}')
 #: Names that a taught shape must not have: the names of the shapes, and of the other codes in ContactShape.msg.
 NOT_NAMES = frozenset(shape.value for shape in Shape) | {'other', 'not_known'}
-OUTLIER_LIMIT = 5.0  #: Largest magnitude of a standardised number of the embedding.
+OUTLIER_LIMIT = 5.0  #: Largest magnitude of an element of the standardised embedding.
 HEAD_PARTS = 'weights', 'biases', 'middle', 'spread', 'sizes'
-OWN_PARTS = '_taught_', '_touch_'  #: Parts of the names of arrays that are not part of the base.
+OWN_PARTS = '_taught_', '_touch_'  #: An array whose name contains one of these is not in the base.
 
 
 class Head(NamedTuple):
@@ -37,12 +37,12 @@ class Head(NamedTuple):
     middle: np.ndarray   #: subtracted from the embedding, (F,)
     spread: np.ndarray   #: divisor of (embedding - middle), (F,)
 
-    #: logarithms of the smallest and the largest number of taxels of each shape, (N, 2). The range is empty for a shape
+    #: logarithms of the smallest and largest number of taxels for each shape, (N, 2). The range is empty for a shape
     #: that was not taught with this kind of frame.
     sizes: np.ndarray
 
     def evidence(self, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
-        """Return the logarithm of the odds of each taught shape against everything else.
+        """Return the log-odds of each taught shape against everything else.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ def read_taught(data: Mapping[str, np.ndarray],
     if wrong or len(set(names.tolist())) < len(names):
         raise ValueError(f'names of taught shapes that cannot be used: {", ".join(map(repr, wrong or names.tolist()))}')
     if str(data['taught_base']) != digest_of(data):
-        raise ValueError('shapes taught on other weights than those of the file')
+        raise ValueError('shapes taught with weights other than those in the file')
     taught = tuple(map(TaughtShape, names.tolist()))
     heads = {kind: _head(data, kind, len(taught), width) for kind, width in widths.items()
              if f'{kind}_taught_weights' in data}
@@ -133,7 +133,7 @@ def read_taught(data: Mapping[str, np.ndarray],
 
 
 def is_name(name: str) -> bool:
-    """Return True if a taught shape may have this name, because the name is lower case and has no other meaning.
+    """Return True if a taught shape may have this name: the name must be lower case and have no other meaning.
 
     >>> is_name('my_plug'), is_name('circle'), is_name('other'), is_name('My plug')
     (True, False, False, False)

@@ -5,8 +5,8 @@
 3. (dif P05 or min P05, dif I5): square | circle.
 
 The curves are stored in config/volf_curves.yaml and were fitted by `training.fit_curves`. The paper gives no
-probabilities. The probabilities in the file are frequencies among the training patterns. Each frequency states how
-often a class was the true class of patterns for which the curves gave the same result and N was in the same band.
+probabilities. The probabilities in the file are frequencies among the training patterns. Each frequency is the share of
+a true class among the patterns with the same result of the curves and the same band of N.
 """
 
 from collections.abc import Mapping, Sequence
