@@ -1,4 +1,4 @@
-"""Implement `tactile classify`: write one record per frame, recognised alone or fused with earlier frames."""
+"""Implement `tactile classify`: recognise each frame, alone or fused with earlier frames, and write one record each."""
 
 import argparse
 import math

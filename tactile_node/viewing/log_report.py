@@ -137,7 +137,7 @@ class LogReporter:
         statistics = source.statistics()
         if source.failure or statistics.consumer_errors:
             got = source.failure.detail.removesuffix('.') if source.failure else 'an error in a taxel frame'
-            raise LogError(self._path, expected='a log that can be played to its end', got=got,
+            raise LogError(self._path, expected='a log that can be played to the end', got=got,
                            remedy='No report was written.')
         recording = reported_file(
             self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=statistics.unread,
