@@ -46,7 +46,7 @@ class ChosenChannel:
 
 
 class OneBus:
-    """Checks that all CAN frames with one of ``can_ids`` come from the same bus."""
+    """Checks that all CAN frames whose identifiers are in ``can_ids`` come from the same bus."""
 
     def __init__(self, can_ids: Collection[int]):
         self._can_ids = frozenset(can_ids)

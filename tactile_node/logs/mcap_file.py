@@ -7,8 +7,8 @@ sequence. If the sequence is broken, the reader searches for the next chunk, whi
 contains the length twice and the name of the compression. Messages outside chunks have no checksum. After a damaged
 place, all messages outside chunks are lost up to the end of the file.
 
-The readers in the mcap library stop at the first damage. The library readers also skip a chunk with a damaged opcode
-like any unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
+The readers in the mcap library stop at the first damage. They also skip a chunk with a damaged opcode, as they skip any
+unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
 """
 
 import os
@@ -86,7 +86,7 @@ class McapFile:
 
     @property
     def channels(self) -> list[tuple[Channel, Schema | None]]:
-        """Channels known so far, each with a schema."""
+        """Channels known so far, each with its schema, or None if the schema is unknown."""
         return [(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
 
     def read(self, since: int = 0) -> Iterator[Stored | Damage]:
@@ -197,7 +197,7 @@ class McapFile:
 
 
 def _chunk_of(content: bytes) -> Chunk | None:
-    """Parse a record as a chunk, even if its opcode is damaged. Return None if its lengths are inconsistent."""
+    """Parse a record as a chunk, even if the opcode is damaged. Return None if the lengths are inconsistent."""
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(content)))
     except Exception:  # other kinds of records raise struct, UTF-8 or end-of-file errors
