@@ -177,7 +177,7 @@ def _value_format(section: Section) -> ValueFormat:
 
 
 def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
-    """Read ``domain``, which gives the object and the order of its taxels (row by row or column by column)."""
+    """Read ``domain``, which specifies the object and the order of its taxels (row by row or column by column)."""
     if top.take('domain', None) is None:
         return None
     section = top.section('domain')
