@@ -59,7 +59,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     age
         Age of the facts [s]. Facts older than OLD_STATUS_AGE are marked as old.
     before
-        Earlier facts from `HealthHistory`, and their age [s]. Losses since then are shown in red.
+        Earlier facts from `HealthHistory`, and their age [s]. Losses counted after the earlier facts are shown in red.
         If ``before`` is None, all losses are shown in red.
     """
     if facts is None:

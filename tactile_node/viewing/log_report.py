@@ -254,7 +254,10 @@ class BagReporter:
         self._pads[name].feed(frame)
 
     def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeReport, ...], BusReport]:
-        """Report on nodes and the bus. Frames are not counted by service, because only a layout identifies TPDOs."""
+        """Report on the nodes and the bus.
+
+        Frames are not counted by service, because only a layout identifies TPDOs.
+        """
         bus = BusRecord(self._bit_rate)
         nodes = NodeRecords({node.node_id: node.pad for node in self._status.nodes() or ()}, frozenset())
         for message in CanLogReader(self._path, self._channel, self._window):

@@ -76,7 +76,10 @@ BOX_FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1,
 
 
 class Pads3d:
-    """3-D sketch of the pads on a gripper, for one browser. The order of the pads, not the URDF, sets their places."""
+    """3-D sketch of the pads on a gripper, for one browser.
+
+    The order of the pads, not the URDF, determines their positions.
+    """
 
     def __init__(self, client: 'ClientHandle'):
         self._client = client

@@ -93,7 +93,7 @@ class Timeline:
         return Moment(index, track.frame(index), pitch, unit)
 
     def facts(self, time: float) -> tuple[BusFacts | None, float]:
-        """Return the newest facts at ``time`` and their age [s]. The last frame also gets facts recorded later."""
+        """Return the newest facts at ``time`` and their age [s]. For the last frame, facts recorded later count too."""
         index = len(self._facts) - 1 if time >= self.end else bisect_right(self._fact_times, time) - 1
         return (self._facts[index], max(time - self._fact_times[index], 0.0)) if index >= 0 else (None, 0.0)
 

@@ -76,7 +76,7 @@ class StatusRecord:
 
 
 class _Counts:
-    """Counts losses within the recording. The driver's counters, from which they follow, decrease only at a restart."""
+    """Counts losses within the recording. The driver's counters decrease only when the driver restarts."""
 
     def __init__(self) -> None:
         self._last: Mapping[str, int] | None = None
