@@ -1,4 +1,4 @@
-"""Implement `tactile classify`: recognise each frame, alone or fused with earlier frames, and write one record each."""
+"""Implement `tactile classify`: recognise each frame, alone or fused with earlier frames, and write its record."""
 
 import argparse
 import math

@@ -22,8 +22,8 @@ TEXT_REMEDY = ('Write numbers with a decimal point, a line for each row of taxel
 def read_text(content: bytes, where: str) -> np.ndarray:
     r"""Return the taxel frames in a text file, with NaN for each cell that is empty or not finite.
 
-    The first row determines the separator of all cells: comma, semicolon or tab, checked in this order, else blanks.
-    Lines that start with # are ignored.
+    The first row determines the separator of all cells: a comma, a semicolon or a tab, checked in this order, or else
+    blanks. Lines that start with # are ignored.
 
     Parameters
     ----------
@@ -125,8 +125,8 @@ class TaxelFrames(NamedTuple):
 
 
 def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
-    """Read the taxel frames in a file. The suffix determines the format. If the suffix is unknown, the first bytes of
-    the file do.
+    """Read the taxel frames in a file. The suffix determines the format. If the suffix is unknown, the first bytes
+    determine the format.
 
     Parameters
     ----------

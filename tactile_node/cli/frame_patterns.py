@@ -102,5 +102,5 @@ def _records(args: argparse.Namespace) -> Iterator[Record]:
 
 
 def _columns(wanted: Group) -> list[str]:
-    """Return the column names. They come from a sample pattern, so that they do not depend on the first frame."""
+    """Return the column names of a sample pattern, because the names must not depend on the first frame."""
     return [*KNOWN_COLUMNS, *flatten(compute_features(np.ones((2, 2), bool), wanted).as_json())]
