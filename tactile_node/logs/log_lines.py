@@ -9,7 +9,7 @@ from tactile_node.assembly.router import non_data_kind
 
 
 class TwoBuses(NamedTuple):
-    """Fault report: CAN frames of the pads come from two buses."""
+    """Fault: the CAN frames of the pads come from two buses."""
 
     can_id: int  #: identifier of the frame from the second bus
     channels: tuple[str, ...]  #: names of the buses

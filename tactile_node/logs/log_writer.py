@@ -76,8 +76,8 @@ class LogFile:
     def cut_back(self) -> int:
         """Truncate the file after the last flushed frame, and return the number of lost frames.
 
-        The truncation is needed after an OSError, because a full disk may have accepted only half a frame, and the
-        number of lost frames would be unknown.
+        After an OSError, a full disk may hold only half of the last frame. Without the truncation, the number of lost
+        frames would be unknown.
         """
         try:
             self.writer.stop()

@@ -3,12 +3,12 @@
 An MCAP file stores messages in chunks, each with a checksum of its content. A chunk with a wrong checksum is dropped as
 a whole. An index at the end of the file, with a separate checksum, contains the positions of the chunks. The index is
 missing if the recorder was killed. Without an index, the reader reads the records (opcode, length, content) in
-sequence. If the sequence is broken, the reader searches for the next chunk, which can be recognised because its header
-contains the length twice and the name of the compression. Messages outside chunks have no checksum. After a damaged
-place, all messages outside chunks are lost up to the end of the file.
+sequence. If the sequence is broken, the reader searches for the next chunk. The header of a chunk can be recognised,
+because it contains the length twice and the name of the compression. Messages outside chunks have no checksum. After a
+damaged place, all messages outside chunks are lost up to the end of the file.
 
-The readers in the mcap library stop at the first damage. They also skip a chunk with a damaged opcode, as they skip any
-unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
+The readers in the mcap library stop at the first damage. The readers also skip a chunk with a damaged opcode, as they
+skip any unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
 """
 
 import os
