@@ -110,7 +110,8 @@ class Attempts(Backoff):
         """Record an attempt to recover from the fault."""
         self._last = now
         self.count += 1
-        # An attempt for a RECURRING fault interrupts the node's taxels or loads the bus, and has not helped so far.
+        # A recovery attempt for a RECURRING fault interrupts the node's taxels or loads the bus, and earlier attempts
+        # did not help.
         self.attempted(now, 30.0 if self._fault in RECURRING else LAST_RETRY)
 
     def has_ended(self, now: float) -> bool:
