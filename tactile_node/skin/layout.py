@@ -142,8 +142,8 @@ class TpdoLayout:
     """One CAN frame of a pad's sweep.
 
     Several CAN frames may share a number and a COB-ID. CAN frames with the same number and COB-ID differ in their first
-    bytes, which contain a manufacturer-specific row number in byte 0 or, for MPDOs in source addressing mode (CiA 301),
-    node-ID, index and sub-index.
+    bytes. In a row-multiplexed TPDO, byte 0 contains a manufacturer-specific row number. In an MPDO in source
+    addressing mode (CiA 301), the first bytes contain node-ID, index and sub-index.
     """
 
     number: int  #: number of the TPDO (1 = 0x1800)
@@ -241,7 +241,7 @@ class SkinLayout:
         return self.tpdos if self.domain is None else (self.domain,)
 
     def of_node(self, node: int) -> 'SkinLayout':
-        """Return the part of the layout sent by node number ``node`` (from 0) of the pad."""
+        """Return the part of the layout that the pad's node number ``node`` (from 0) sends."""
         return replace(self, tpdos=tuple(tpdo for tpdo in self.tpdos if tpdo.node == node))
 
 

@@ -1,4 +1,7 @@
-"""Check a TaxelArray from a topic or a bag before it is used. Other messages with such fields share the checks."""
+"""Check a TaxelArray from a topic or a bag before it is used.
+
+Other messages with the same fields share some of these checks.
+"""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +14,7 @@ from tactile_node.skin.layout import MAX_SIDE
 from tactile_node.taxel_frame import PRESS_BY_UNIT, SkinSide, TaxelStatus
 
 NANOSECONDS = 10**9
-#: mask that is True at each `TaxelStatus` code that implies a value
+#: mask that is True for each `TaxelStatus` code that implies a value
 GIVES_VALUE = np.isin(np.arange(256), (TaxelStatus.VALID, TaxelStatus.SATURATED))
 
 
@@ -93,8 +96,8 @@ def check_codes(codes: Sequence[int], last: int) -> RejectReason | None:
 def check_taxels(values: Sequence[float], status: Sequence[int]) -> RejectReason | None:
     """Check that a taxel has a value if and only if its status code says so.
 
-    Without this check, a value with a status code for no value would be used, and NaN with VALID would look like an
-    error of this package.
+    Without this check, a value whose status code means "no value" would be used, and NaN with the code VALID would look
+    like an error in this package.
     """
     numbers = np.asarray(values, np.float32)
     if np.isinf(numbers).any():
