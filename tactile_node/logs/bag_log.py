@@ -112,7 +112,9 @@ class McapCanWriter:
                                  publish_time=time, sequence=self._sequence)
 
     def _repeat_types(self, schema: int, records, streams) -> None:
-        """Also write schema and channel before the first chunk, so that all messages are not lost with that chunk.
+        """Also write schema and channel before the first chunk.
+
+        Otherwise, damage to that chunk would lose all messages.
         """
         builder = streams.RecordBuilder()
         records.Schema(id=schema, name=CAN_TYPE, encoding=MSG_ENCODING, data=CAN_DEFINITION.encode()).write(builder)

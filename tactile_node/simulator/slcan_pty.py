@@ -152,7 +152,7 @@ class SlcanPty(can.BusABC):
 
 
 def _point(link: Path, port: str) -> None:
-    """Make ``link`` a symbolic link to ``port``, replacing only a symbolic link. Raises ConfigurationError."""
+    """Make ``link`` a symbolic link to ``port``, replacing only existing symbolic links. Raises ConfigurationError."""
     try:
         if link.is_symlink():
             link.unlink()

@@ -189,7 +189,10 @@ class TpdoLayout:
 
 @dataclass(frozen=True)
 class DomainLayout:
-    """A DOMAIN object (CiA 301) with all taxels of one sample. It is read by SDO, with block transfer if supported."""
+    """A DOMAIN object (CiA 301) with all taxels of one sample.
+
+    The driver reads the object by SDO, with block transfer if supported.
+    """
 
     index: int
     subindex: int

@@ -21,8 +21,7 @@ def collect_errors(checks: Iterable[Callable[[], object]]) -> list[Configuration
     return found
 
 
-#: smallest and largest usual pitch [m]; the pitches of commercial skins lie well within this range
-PITCHES = 0.0003, 0.025
+PITCHES = 0.0003, 0.025  #: smallest and largest usual pitch [m]; commercial skins lie well within this range
 
 
 def layout_checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:

@@ -137,7 +137,7 @@ def identities_of(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> di
 
 
 def check_node_ids(pad: PadSettings) -> None:
-    """Raise ConfigurationError if a node-ID is out of range, or if the number of node-IDs differs from the layout."""
+    """Raise ConfigurationError if a node-ID is out of range, or if the number of node-IDs does not match the layout."""
     for node_id in pad.node_ids:
         if not MIN_NODE_ID <= node_id <= MAX_NODE_ID:
             raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID {MIN_NODE_ID}..{MAX_NODE_ID}',

@@ -34,17 +34,15 @@ class RejectReason(IntEnum):
     TOO_LARGE = 3  #: the message has more rows, columns or features than any skin
     WRONG_LENGTH = 4  #: the length of an array does not match rows * cols, the classes or the element names
     WRONG_PITCH = 5  #: the pitch is not a length > 0
-    UNKNOWN_CODE = 6  #: a number has no meaning in its enumeration
+    UNKNOWN_CODE = 6  #: a number is not a member of its enumeration
     NOT_FINITE = 7  #: a number is NaN or infinite where a finite number is needed
     WRONG_PROBABILITIES = 8  #: a probability is not in 0...1, or the sum of the probabilities is not 1
-    #: a time is before 1970 or after 2038, a nanosecond field is 10^9 or more, or a duration is negative
-    WRONG_STAMP = 9
+    WRONG_STAMP = 9  #: a time is before 1970 or after 2038, its ns field is 10^9 or more, or a duration is negative
     INCONSISTENT = 10  #: fields of the message contradict each other
     PROCESSING_FAILED = 11  #: the message passed the checks, but processing the message raised an error
     MISSING_JOINT = 12  #: a joint needed to compute the gripper opening is missing
     IMPLAUSIBLE_OPENING = 13  #: the computed opening is impossible for a gripper, so the sign, scale or offset is wrong
-    #: the stamp is far ahead of earlier stamps, because a message is wrong or the clock was set forward
-    STAMP_AHEAD = 14
+    STAMP_AHEAD = 14  #: the stamp is far ahead of earlier stamps: it is wrong, or the clock was set forward
     WRONG_SEQUENCE = 15  #: the sequence number is higher than it can be by now
     OTHER_TYPE = 16  #: a publisher uses another version of the message, so the fields would be misread
     OTHER_SOURCE = 17  #: two sources publish on the topic, and it is unknown which source is correct

@@ -45,8 +45,7 @@ class NodeMonitor:
     def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
         self.node = node
         self._heartbeat_time: float | None = None  # heartbeat time of the device [s], or None if unknown
-        # number of times that other masters had written the heartbeat time before the node was configured
-        self._heartbeat_writes = 0
+        self._heartbeat_writes = 0  # number of writes to the heartbeat time by other masters before the configuration
         self._monitor = monitor
         self._heard = monitor.heartbeats.of(node.node_id)
         self.set_timeouts(heartbeat_timeout, data_timeout)

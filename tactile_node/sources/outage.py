@@ -74,7 +74,7 @@ class Backoff:
 
 #: time without a fault after which a RECURRING fault counts as new [s]
 SETTLING_TIME = 10.0
-#: faults for which a recovery attempt may not help, but disturbs a working part of the node or the bus
+#: faults for which a recovery attempt disturbs a working part of the node or the bus, and may not help
 RECURRING = (NodeFault.RECONFIGURED, NodeFault.TPDO_MISSING, NodeFault.NO_HEARTBEAT)
 
 
