@@ -1,4 +1,4 @@
-"""`tactile assess` reports how reliable recognition is on your own skin, based on about 8 touches of each object.
+"""`tactile assess` reports how reliably shapes are recognised on your own skin, from about 8 touches of each object.
 
     tactile assess --name circle --name bar --name unknown --output my_skin.npz            # live, guides you
     tactile assess --name circle --from discs.log --name unknown --from keys.log mug.npy   # report from recordings
@@ -45,7 +45,7 @@ from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, ShapeClass
 
 DEFAULT_TOUCHES = 8
-ALIASES = {'bar': 'rectangle', 'ball': 'circle'}  #: classes for the names that are not classes of the recogniser
+ALIASES = {'bar': 'rectangle', 'ball': 'circle'}  #: class for each name that is not itself a class of the recogniser
 REFUSED_CODE = 1  #: exit code if --output is given, but the adaptation is not kept
 
 

@@ -24,7 +24,7 @@ from tactile_node.ros.settings import (
 SIMULATED_CHANNEL = 'tactile_bringup'
 SETTINGS = {Role.DRIVER: DriverSettings, Role.PROCESSOR: ProcessorSettings, Role.CLASSIFIER: ClassifierSettings,
             Role.GRASP: GraspNodeSettings}
-#: options and the node parameters that they set, by role; if several nodes read an option, the first node describes it
+#: options and the node parameters that they set, by role; the first node that reads an option describes it
 PARAMETERS: Mapping[Role, Mapping[str, str]] = {
     Role.DRIVER: {name: name for name in (
         'node_ids', 'layouts', 'interface', 'channel', 'bitrate', 'eds', 'record', 'replay', 'replay_channel',
@@ -53,7 +53,7 @@ def parameter_option(row: Parameter) -> Option:
     Parameters
     ----------
     row
-        Description, type and default of the parameter.
+        Row of the parameter table, with description, type and default.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def parameter_option(row: Parameter) -> Option:
 
 
 def _rows() -> dict[str, Parameter]:
-    """Return the table row of the parameter that each option sets, by option name."""
+    """Return the table rows of the node parameters, by the name of the option that sets the parameter."""
     found = {'pads': next(row for row in table(DriverSettings) if row.name == 'pads')}
     for role, options in PARAMETERS.items():
         rows = {row.name: row for row in table(SETTINGS[role])}

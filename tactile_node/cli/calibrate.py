@@ -1,8 +1,8 @@
 """`tactile calibrate` determines the response of a skin by pressing a disc of known size onto the pad.
 
 The response consists of the depth of the taxels and the curve that converts readings to pressure. Take a rigid cylinder
-with a flat face, at least 10 pitches in diameter. Record the pad at rest. Then press the disc onto the pad at six
-places or more, lightly and firmly, and lift it between presses. The face must lie flat and stay within the pad.
+with a flat face, at least 10 pitches in diameter. Record the pad at rest. Then press the disc onto the pad at six or
+more places, both lightly and firmly, and lift it between presses. The face must lie flat and stay within the pad.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from tactile_node.output_file import check_writable
 from tactile_node.pose.moments import check_pitch
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 
-SUSPICIOUS_ERROR = 0.06  #: relative error of the uncalibrated radius above which --radius may be wrong
+SUSPICIOUS_ERROR = 0.06  #: relative error of the uncalibrated radius above which the given --radius may be wrong
 
 
 class Readings(NamedTuple):

@@ -24,7 +24,7 @@ from tactile_node.skin.layout_file import read_layout
 from tactile_node.skin.layout_rules import collect_errors, layout_checks
 from tactile_node.yaml_section import line_of
 
-EDS_NODE_ID = 32           #: node-ID with which the EDS is read
+EDS_NODE_ID = 32           #: node-ID for which the EDS is read
 SYNC_PERIODS = (0.02, 0.01, 0.005)  #: SYNC periods for which the bus load is reported [s]
 MOST_ALIKE = 3             #: maximum number of errors with the same remedy printed in full
 WIDEST_MAP = 120           #: maximum width of a printed map [columns], because a terminal would wrap a wider map
@@ -36,7 +36,7 @@ DEAD_SIGN = 'x'
 
 
 class Use(NamedTuple):
-    """Planned use of a layout: the bit rate of the bus, the number of pads on the bus and the SYNC period."""
+    """Planned use of a layout: the bit rate of the bus, the number of pads on it and the SYNC period."""
 
     bitrate: int = DEFAULT_BITRATE
     pads: int = 1
@@ -48,7 +48,7 @@ class CheckedLayout(NamedTuple):
 
     #: checked layout, or None if the layout file cannot be read
     layout: SkinLayout | None
-    #: errors that make the driver reject the layout, each with its line in the layout file, or None if no line is known
+    #: errors that make the driver reject the layout, each with its line in the layout file (None if unknown)
     errors: list[tuple[ConfigurationError, int | None]]
     warnings: list[str]
 
@@ -172,7 +172,7 @@ def _text(found: CheckedLayout, use: Use) -> list[str]:
 
 
 def _error_lines(errors: list[tuple[ConfigurationError, int | None]]) -> list[str]:
-    """Return the first errors with each remedy, and a count of the rest, because each TPDO may repeat a mistake."""
+    """Return the first errors for each remedy and a count of the rest, as every TPDO may repeat the same mistake."""
     lines, alike = [], Counter[str]()
     for error, line in errors:
         alike[error.remedy] += 1

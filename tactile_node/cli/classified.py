@@ -1,4 +1,4 @@
-"""Implement `tactile classify`: write one record per frame, recognised alone or fused with earlier frames."""
+"""Implement `tactile classify`: recognise each frame, alone or fused with earlier frames, and write its record."""
 
 import argparse
 import math

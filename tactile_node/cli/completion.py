@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def chosen_command(environment: Mapping[str, str]) -> str:
-    """Return the sub-command on the command line, or '' while the user is still typing the sub-command.
+    """Return the sub-command on the command line, or '' while the user is still typing it.
 
     >>> chosen_command({'COMP_LINE': 'tactile classify --pi', 'COMP_POINT': '21', '_ARGCOMPLETE': '1'})
     'classify'

@@ -1,4 +1,4 @@
-"""`tactile features` computes the quantities of the paper, named as in tactile_node.helmholtz.features."""
+"""`tactile features` computes the quantities defined in the paper, named as in tactile_node.helmholtz.features."""
 
 import argparse
 

@@ -31,7 +31,7 @@ def check_figure(path: str | Path) -> None:
 
 
 def write_figure(path: str | Path, figure: 'Figure') -> None:
-    """Write ``figure`` in the format that the suffix of ``path`` names, or as PNG without a suffix."""
+    """Write ``figure`` in the format given by the suffix of ``path``, or as PNG if there is no suffix."""
     with output_file(path) as stream:
         figure.savefig(stream, format=_format_of(path), dpi=110)
 

@@ -22,8 +22,8 @@ TEXT_REMEDY = ('Write numbers with a decimal point, a line for each row of taxel
 def read_text(content: bytes, where: str) -> np.ndarray:
     r"""Return the taxel frames in a text file, with NaN for each cell that is empty or not finite.
 
-    The first row determines the separator of all cells: comma, semicolon or tab, checked in this order, else blanks.
-    Lines that start with # are ignored.
+    The first row determines the separator of all cells: a comma, a semicolon or a tab, checked in this order, or else
+    blanks. Lines that start with # are ignored.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class TaxelFrames(NamedTuple):
     unit: str | None = None             #: unit of the values: 'Pa', 'N' or '1' (on/off)
 
     def known_of(self, k: int) -> dict:
-        """Return the pad, stamp and sequence number of frame ``k`` by name, if the file contains them."""
+        """Return the pad, stamp and sequence number of frame ``k`` by name, as far as the file contains them."""
         known: dict = {} if self.pad is None else {'pad': self.pad}
         if self.stamps is not None:
             known['stamp'] = float(self.stamps[k])
@@ -125,7 +125,8 @@ class TaxelFrames(NamedTuple):
 
 
 def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
-    """Read the taxel frames in a file. The format follows from the suffix or, if that is unknown, from the first bytes.
+    """Read the taxel frames in a file. The suffix determines the format. If the suffix is unknown, the first bytes
+    determine the format.
 
     Parameters
     ----------
@@ -214,7 +215,7 @@ def _load(path: str, content: bytes) -> np.ndarray | dict[str, np.ndarray]:
 
 
 def _check_members(path: str, content: bytes) -> None:
-    """Raise InputError before unpacking if a member is not a NumPy array or the archive is too large."""
+    """Before unpacking an archive, raise InputError if a member is not a NumPy array or the archive is too large."""
     with ZipFile(io.BytesIO(content)) as archive:
         members = archive.infolist()
     strange = [member.filename for member in members if not _is_of_numpy(member)]
@@ -260,7 +261,7 @@ def _single(path: str, arrays: dict[str, np.ndarray], name: str) -> Any:
 
 
 def _check_status(path: str, values: np.ndarray, status: np.ndarray) -> None:
-    """Raise InputError for an unknown status number, or for a value on a taxel whose status rules out a value."""
+    """Raise InputError for an unknown status number, or for a value on a taxel whose status means "no value"."""
     if not np.isin(status, list(TaxelStatus)).all():
         raise _unusable(path, f'a status outside the range {min(TaxelStatus)} to {max(TaxelStatus)}')
     if (np.isfinite(values) & ~np.isin(status, VALUED_STATUSES)).any():

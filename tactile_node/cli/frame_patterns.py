@@ -18,8 +18,8 @@ from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.library.contacts import check_values
 from tactile_node.taxel_frame import TaxelStatus
 
-LONG = 4  #: ratio of rows to columns from which a single frame was probably meant as one frame per line
-LEAST_FLAT = 16  #: minimum length of a line that may contain a whole frame [taxels], the size of a small pad
+LONG = 4  #: minimum ratio of rows to columns at which a single frame is probably a list of frames, one per line
+LEAST_FLAT = 16  #: minimum length of a line that may be a whole frame [taxels]: the size of a small pad
 
 
 def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
@@ -64,7 +64,7 @@ def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest
     args
         Options of the command, which include the thresholds and the output.
     largest
-        True to keep only the largest contact of a bool frame, False to keep all active taxels.
+        True to keep only the largest contact in a bool frame, False to keep all active taxels.
     """
     extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=largest)
     for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=prints(args))):
@@ -102,5 +102,5 @@ def _records(args: argparse.Namespace) -> Iterator[Record]:
 
 
 def _columns(wanted: Group) -> list[str]:
-    """Return the column names, taken from a sample pattern so that they do not depend on the first frame."""
+    """Return the column names of a sample pattern, because the names must not depend on the first frame."""
     return [*KNOWN_COLUMNS, *flatten(compute_features(np.ones((2, 2), bool), wanted).as_json())]

@@ -14,9 +14,9 @@ import tactile_node
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions
 
-#: Name and help of each sub-command. The first FIRST_COMMANDS are in the order in which a new user needs them. The
-#: module with the name of the sub-command contains ``add_options`` and ``run``, and is imported only if the user
-#: chooses this sub-command.
+#: Name and help of each sub-command. The first FIRST_COMMANDS commands are listed in the order in which a new user
+#: needs them. The module with the name of the sub-command contains ``add_options`` and ``run``, and is imported only
+#: for this sub-command.
 COMMANDS = (
     ('simulate', 'simulate a CANopen skin that touches shapes or repeats a recording'),
     ('scan', 'find the CANopen nodes of a bus'),
@@ -38,10 +38,10 @@ COMMANDS = (
 )
 FIRST_COMMANDS = 11
 
-#: Command that runs ROS nodes. The nodes forward log messages to /rosout and stderr with their own handler.
+#: Command that runs ROS nodes. The nodes use their own handler to forward log messages to /rosout and stderr.
 RUNS_NODES = 'bringup'
 
-#: Modules without which a command cannot do anything. The help text lists the missing modules.
+#: Modules without which a command is of no use. The help text lists the missing ones.
 NEEDED = {'simulate': ('termios',), 'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',),
           'tare': ('rclpy', 'tactile_skin'), 'completion': ('argcomplete',)}
 _ROS = 'Source a ROS 2 workspace that contains tactile_skin, or run `make setup` once.'
@@ -55,8 +55,8 @@ NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
          'PIL': "Install Pillow: pip install 'tactile-skin[picture]'.",
          'argcomplete': "Install it: pip install 'tactile-skin[completion]'."}
 
-#: Environment variable that the shell sets when it requests completions. The value of the variable is the number of
-#: words that start the program.
+#: Environment variable that the shell sets when it requests completions. Its value is the number of words that form the
+#: program name.
 COMPLETES = '_ARGCOMPLETE'
 
 
@@ -90,8 +90,8 @@ def main(argv: list[str] | None = None) -> int:
               f'{NEEDS[error.name]}', file=sys.stderr)
         return 2
     except BrokenPipeError:
-        # The reader (head, less) has closed the pipe. Without this line, Python would fail again when it flushes stdout
-        # at exit.
+        # The reader (head, less) has closed the pipe. Without this redirection, Python would raise the error again when
+        # it flushes stdout at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:

@@ -47,7 +47,7 @@ def pad_names(text: str) -> list[str]:
 
 def number(text: str, option: str, kind: type = float, *, least: float = 0, above: float = -inf, most: float = inf,
            unit: str = '', remedy: str = 'Correct the number.') -> Any:
-    """Parse the number that is given for an option.
+    """Parse the number given for an option.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def number(text: str, option: str, kind: type = float, *, least: float = 0, abov
     Raises
     ------
     ConfigurationError
-        Raised if the text is not a number of this kind, or if the number is out of range.
+        Raised if the text is not a number of the given kind, or if the number is out of range.
 
     Examples
     --------
@@ -147,7 +147,7 @@ def add_bus_options(parser: argparse.ArgumentParser, *, channel: str = DEFAULT_C
     channel : str
         Default of --channel.
     is_set : bool
-        False to set options that are not given to None, so that the command can take the value from a file.
+        False to leave omitted options at None, so that the command can take their values from a file.
     finds_bit_rate : bool
         True to accept --bitrate auto, which sets the option to None.
     """
@@ -257,7 +257,7 @@ def live_pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[
 
 
 def single_pad_of(args: argparse.Namespace, remedy: str) -> 'PadSettings':
-    """Return the only pad in the options. Raises ConfigurationError with ``remedy`` if there are several pads."""
+    """Return the pad described by the options. Raises ConfigurationError with ``remedy`` if there are several pads."""
     pads = pads_of(args)
     if len(pads) > 1:
         raise ConfigurationError('--node-id', expected='the nodes of one pad', got=f'{len(pads)} pads', remedy=remedy)
@@ -292,7 +292,7 @@ def open_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') 
     args : argparse.Namespace
         Options of the command.
     on_batch : Callable[[Batch], None]
-        Function that is called with received messages.
+        Function called with received messages.
 
     Raises
     ------

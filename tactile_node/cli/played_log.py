@@ -18,10 +18,10 @@ UNUSABLE_REMEDY = ('`tactile replay` counts the reasons. Compare "map" in the la
 
 
 class PlayedLog(NamedTuple):
-    """Content of a CAN log that has been played."""
+    """Result of playing a CAN log."""
 
     frames: dict[str, list[TaxelFrame]]  #: taxel frames by pad name, or empty if the frames were not kept
-    source: LogSource                    #: closed source, from which statistics and summary can still be read
+    source: LogSource                    #: the closed source, whose statistics and summary can still be read
     has_ended: bool                      #: False if the user interrupted the replay
 
     @property
@@ -60,7 +60,7 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
     Raises
     ------
     LogError
-        Raised if the log cannot be played to its end.
+        Raised if the log cannot be played to the end.
     KeyboardInterrupt
         Raised if ``must_be_used`` is set and the user interrupts the replay.
     InputError
@@ -83,7 +83,7 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
             bar.update(count - bar.n)
         source.close()
     if source.failure:
-        raise LogError(path, expected='a log that can be played to its end',
+        raise LogError(path, expected='a log that can be played to the end',
                        got=source.failure.detail.removesuffix('.'),
                        remedy='The frames before the error are not used.')
     for line in damage_lines(source.reader.damages):

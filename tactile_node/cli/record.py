@@ -60,7 +60,7 @@ def _record(bus: can.BusABC, log: CanLogWriter, duration: float) -> None:
         while not stop_requested.is_set() and not log.failure and time.monotonic() < end:
             try:
                 message = bus.recv(0.1)
-            except Exception as error:  # each backend raises a different error when the adapter is unplugged
+            except Exception as error:  # each backend raises a different error when an adapter is unplugged
                 raise BusError(bus.channel_info, expected='to continue receiving', got=str(error),
                                remedy='The log contains all frames received so far. Check the adapter.') from error
             if message is not None:

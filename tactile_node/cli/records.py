@@ -47,7 +47,7 @@ def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]
 
 
 def flatten(record: Record, above: str = '') -> Record:
-    """Return the record with nested names joined by dots.
+    """Return a flat copy of the record, with nested names joined by dots.
 
     >>> flatten({'x': 1, 'sd': {'x': 0.1}})
     {'x': 1, 'sd.x': 0.1}
@@ -63,7 +63,7 @@ def _json_lines(records: Iterable[Record]) -> Iterator[str]:
 
 
 def _csv_lines(records: Iterable[Record], columns: Sequence[str]) -> Iterator[str]:
-    """Yield CSV lines. A record with an unknown column raises ValueError, so that no value is lost."""
+    """Yield CSV lines. An unknown column in a record raises ValueError, so that no value is lost."""
     # the methods of a csv writer return the result of `_Line.write`
     writer: Any = csv.DictWriter(_Line(), columns, lineterminator='\n')
     header = writer.writeheader()

@@ -51,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
     Returns
     -------
     int
-        1 if a pad has no usable TPDO in the log, if other nodes send a pad's COB-IDs, or if the user interrupted the
-        replay. In all other cases, UNREAD_EXIT if a part of the log could not be read, else 0.
+        1 if a pad has no usable TPDO in the log, other nodes send a pad's COB-IDs, or the user interrupted the replay.
+        Otherwise UNREAD_EXIT if part of the log could not be read, else 0.
     """
     pads = pads_of(args, args.pads)
     paths = _outputs(args.output, pads)

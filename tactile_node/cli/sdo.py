@@ -131,7 +131,7 @@ def _parameters(args: argparse.Namespace, index: int, signature: bytes, done: st
 
 
 def _target(args: argparse.Namespace) -> tuple[ObjectAddress, str | None]:
-    """Return the address named by ``object`` and the type of its value, or None if the type is unknown."""
+    """Return the address given as OBJECT, and the type of its value or None if the type is unknown."""
     dictionary = load_eds(args.eds, args.node_id) if args.eds else ObjectDictionary()
     try:
         address = parse_address(args.object)

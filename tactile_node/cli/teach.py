@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _record(name: str, args: argparse.Namespace) -> tuple[str, Examples]:
-    """Return the kind of frames and the examples of one shape, from files or from the live bus."""
+    """Return the kind of frames ('on_off' or 'graded') and the examples of one shape."""
     touches = touches_of(name, args)
     if len(touches.touches) < LEAST_TOUCHES:
         raise InputError(f'touches of {name}', expected=f'{LEAST_TOUCHES} or more, typically {DEFAULT_TOUCHES}',

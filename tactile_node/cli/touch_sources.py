@@ -24,7 +24,7 @@ from tactile_node.taxel_frame import ON_OFF_UNIT
 
 ARRAY_SUFFIXES = ('.npy', '.npz')
 REST_FRAMES = 25      #: number of frames used to determine the zero of a live skin
-STEADY_FRAMES = 10    #: number of frames for which an object must be still for the touch to count
+STEADY_FRAMES = 10    #: number of frames for which an object must stay still before the touch counts
 FRAME_TIMEOUT = 10.0  #: time without a frame after which a live recording fails [s]
 WHAT_TO_DO = ('Touch the skin {count} times with this object: {name}. Hold the object still until the touch counts. '
               'Then lift it, rotate it, and touch at another place. Keep away from the edges of the pad.')
@@ -108,7 +108,7 @@ def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
     count : int
         Number of touches.
     args : argparse.Namespace
-        Options of the skin and the bus.
+        Options that describe the skin and the bus.
     record : str
         Path of the log to record.
     finder_type : type[TouchFinder]

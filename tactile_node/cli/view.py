@@ -1,4 +1,4 @@
-"""`tactile view` shows the pads in a browser or on a terminal: live from topics or a bus, or from a recording.
+"""`tactile view` shows the pads in a browser or on a terminal, live from topics or a bus, or from a recording.
 
 Without RECORDING, --interface and --channel, the command shows the topics of running ROS nodes. The command subscribes
 to topics only while a viewer is connected. With --interface or --channel, the command reads a bus without ROS and
@@ -36,7 +36,7 @@ TOPICS = 'topics'
 BUS = 'a bus'
 LOG = 'a CAN log'
 BAG = 'a bag of taxel arrays'
-#: options that apply only to some kinds of source, by kind
+#: options that not every kind of source accepts, by kind of source
 APPLIED_OPTIONS = {
     TOPICS: ('namespace',),
     BUS: ('interface', 'channel', 'bitrate', 'node_id', 'layout', 'eds', 'model'),
@@ -62,7 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show the pads until Ctrl-C, or on a terminal until a recording has been played to its end."""
+    """Show the pads until Ctrl-C, or, on a terminal, until a recording reaches its end."""
     with interruption() as stop_requested:
         source = source_of(args)
         try:

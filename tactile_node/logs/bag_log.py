@@ -19,7 +19,7 @@ from tactile_node.logs.replay_times import SECOND, WHOLE, TimeWindow
 CAN_TYPE = 'can_msgs/msg/Frame'
 #: topic name used by ros2_socketcan
 CAN_TOPIC = 'from_can_bus'
-#: definition of CAN_TYPE from the can_msgs package, with all contained types
+#: definition of CAN_TYPE from the can_msgs package, including all nested types
 CAN_DEFINITION = '''std_msgs/Header header
 uint32 id
 bool is_rtr
@@ -105,14 +105,16 @@ class McapCanWriter:
         if message.is_fd:
             raise ValueError('a CAN FD frame does not fit into can_msgs/msg/Frame')
         seconds, part = divmod(message.timestamp, 1)
-        # converted in two parts, because a single float would round to 256 ns
+        # converted in two parts, because a single float would round the time to 256 ns
         time = int(seconds) * SECOND + round(part * SECOND)
         self._sequence += 1
         self._writer.add_message(channel_id=self._channel, log_time=time, data=self._types.cdr(message, time),
                                  publish_time=time, sequence=self._sequence)
 
     def _repeat_types(self, schema: int, records, streams) -> None:
-        """Write schema and channel before the first chunk too, so that damage to that chunk does not lose all messages.
+        """Also write schema and channel before the first chunk.
+
+        Otherwise, damage to that chunk would lose all messages.
         """
         builder = streams.RecordBuilder()
         records.Schema(id=schema, name=CAN_TYPE, encoding=MSG_ENCODING, data=CAN_DEFINITION.encode()).write(builder)
@@ -121,7 +123,7 @@ class McapCanWriter:
         self.file.write(builder.end())
 
     def flush(self) -> None:
-        """End the chunk, so that a reader can see all messages written so far."""
+        """End the current chunk, so that a reader can see all messages written so far."""
         self._writer.flush()
 
     def stop(self) -> None:

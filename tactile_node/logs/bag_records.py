@@ -61,7 +61,7 @@ def _count_of_mcap(path: Path, types: Collection[str]) -> int:
 if TYPE_CHECKING:
     from tactile_node.logs.mcap_file import McapFile
 
-MSG_ENCODING = 'ros2msg'  #: encoding of message definitions written like .msg files
+MSG_ENCODING = 'ros2msg'  #: name of the encoding for message definitions written as in .msg files
 OnDamage = Callable[[Damage], None]
 
 
@@ -72,7 +72,7 @@ class Recorded(NamedTuple):
     type: str
     time: int  #: time of recording [ns]
     cdr: bytes
-    definition: str = ''  #: .msg definitions of the type and its contained types, or '' if the bag has none
+    definition: str = ''  #: .msg definitions of the type and its nested types, or '' if the bag has none
 
 
 def is_bag(path: str | Path) -> bool:
@@ -117,7 +117,7 @@ def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int
 
 
 def begin_of(path: str | Path) -> int:
-    """Return the time at which the first message was recorded [ns], or 0 if there is none. Raises LogError."""
+    """Return the recording time of the first message [ns], or 0 if there is none. Raises LogError."""
     part = bag_parts(path)[0]
     if part.is_there and part.path.suffix == '.mcap':
         with open_mcap(part.path) as file:
@@ -238,7 +238,7 @@ def _topics_of_sqlite(path: Path) -> dict[str, str]:
 
 
 def open_sqlite(path: Path) -> sqlite3.Connection:
-    """Open a database read-only for use by several threads, because different threads open, play and close a log."""
+    """Open a database read-only and for several threads, because different threads open, play and close a log."""
     return sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True, check_same_thread=False)
 
 

@@ -18,7 +18,7 @@ from tactile_node.logs.damage import Damage, DamageKind
 
 SIGNATURE = b'LOBJ'
 PADDING = 3  #: maximum number of bytes between two objects
-RESTORE_POINTS = 115  #: object type that is not included in the object count of the file header
+RESTORE_POINTS = 115  #: object type that the file header does not include in its object count
 _BASE = blf.OBJ_HEADER_BASE_STRUCT
 _CONTAINER = blf.LOG_CONTAINER_STRUCT
 # header size after _BASE by version [bytes]
@@ -48,7 +48,7 @@ class BlfReader(can.BLFReader):
             self.file = file
 
     def _whole_objects(self, file: BinaryIO) -> Iterator[bytes]:
-        """Yield runs of intact objects, each up to the next damage or the end of a container."""
+        """Yield runs of intact objects. Each run ends at damage or at the end of a container."""
         data, read, is_damaged = b'', 0, False
         for content in self._contents(file):
             data = b'' if content is None else data + content  # an object that ends in a damaged container is lost

@@ -12,9 +12,9 @@ class DamageKind(PhrasedCode):
 
     CHUNK = 1, 'a damaged chunk'  #: the checksum of the chunk is wrong, or the chunk cannot be decompressed
     RECORDS = 2, 'damaged records'  #: the bytes between two chunks are not records
-    CUT_SHORT = 3, 'cut short before its end'  #: because of a killed recorder, a full disk or an incomplete download
+    CUT_SHORT = 3, 'cut short before its end'  #: caused by a killed recorder, a full disk or an incomplete download
     MISSING_FILE = 4, 'a missing file of a series'
-    UNKNOWN_CHANNEL = 5, 'messages of an unknown channel'  #: the record that describes the channel is lost
+    UNKNOWN_CHANNEL = 5, 'messages of an unknown channel'  #: the record with the description of the channel is lost
     UNDECODABLE = 6, 'a message that does not fit its definition'
     DATABASE = 7, 'cut short or damaged'  #: the rest of a .db3 cannot be read
     INCONSISTENT = 8, 'a TaxelArray with inconsistent fields'
@@ -33,7 +33,7 @@ class Damage(NamedTuple):
 
     @property
     def seconds(self) -> float | None:
-        """Maximum duration of the lost part [s], or None at the start or end of the recording."""
+        """Maximum duration of the lost part [s], or None if it is at the start or end of the recording."""
         return None if self.begin is None or self.end is None else max(self.end - self.begin, 0.0)
 
     def joined(self, after: 'Damage') -> 'Damage':
@@ -46,7 +46,7 @@ MOST_LINES = 20  #: maximum number of damaged places listed
 
 
 def damage_text(damage: Damage) -> str:
-    """Describe a damaged place as part of a sentence.
+    """Describe a damaged place in words that fit into a sentence.
 
     >>> damage_text(Damage(DamageKind.CHUNK, 'x.mcap', 1, 4096, 10.0, 10.5, 'crc'))
     'x.mcap: a damaged chunk (1 chunks, 4096 bytes, 0.500 s from 1970-01-01 00:00:10.000 UTC on; crc)'

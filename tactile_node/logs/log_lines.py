@@ -9,7 +9,7 @@ from tactile_node.assembly.router import non_data_kind
 
 
 class TwoBuses(NamedTuple):
-    """Fault report: CAN frames of the pads come from two buses."""
+    """Fault: the CAN frames of the pads come from two buses."""
 
     can_id: int  #: identifier of the frame from the second bus
     channels: tuple[str, ...]  #: names of the buses
@@ -46,7 +46,7 @@ class ChosenChannel:
 
 
 class OneBus:
-    """Checks that all CAN frames with one of ``can_ids`` come from the same bus."""
+    """Checks that all CAN frames whose identifiers are in ``can_ids`` come from the same bus."""
 
     def __init__(self, can_ids: Collection[int]):
         self._can_ids = frozenset(can_ids)

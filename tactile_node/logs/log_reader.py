@@ -27,10 +27,9 @@ logger = logging.getLogger(__name__)
 CANDUMP = re.compile(rb'\(\d+\.\d+\) \S+ [0-9A-Fa-f]{3,8}#')
 #: output of `candump can0`
 CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')
-#: backward step of the stamps above which a frame is out of order, because frames stamped by one clock differ by less
-#: [s]
+#: backward step of the stamps above which a frame is out of order [s]; frames stamped by one clock differ by less
 SET_BACK = 1.0
-#: forward step of the stamps above which a stamp is suspicious, because a working skin never pauses this long [s]
+#: forward step of the stamps above which a stamp is suspicious [s]; a working skin never pauses for this long
 FAR_AHEAD = 10.0
 
 
@@ -50,7 +49,7 @@ def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) ->
     suffix = Path(path.lower().removesuffix('.gz')).suffix
     form = text_formats.CANDUMP if CANDUMP.match(head) else text_formats.FORMATS.get(suffix)
     if form is not None:
-        text = opened(path, 'rt', encoding='utf-8', errors='replace')  # a bad byte then affects only its line
+        text = opened(path, 'rt', encoding='utf-8', errors='replace')  # an invalid byte then affects only its line
         reader: Any = form.reader(text)
         reader.file = text_formats.whole_lines(text, form, on_unread)
         return reader
@@ -104,8 +103,8 @@ class CanLogReader:
 
     Notes
     -----
-    A CAN frame whose stamp is far from the stamps of its neighbours is dropped and counted as unread. If a full disk or
-    an incomplete download cut the log short, the intact part is read, and ``summary`` reports the end.
+    A CAN frame is dropped and counted as unread if its stamp is far from those of its neighbours. If a full disk or an
+    incomplete download cut the log short, the intact part is read, and ``summary`` reports where it ends.
     """
 
     def __init__(self, path: str | Path, channel: str = '', window: TimeWindow = WHOLE):

@@ -17,7 +17,7 @@ from tactile_node.threads import ReportedThread
 logger = logging.getLogger(__name__)
 
 WRITTEN_SUFFIXES = ('.log', '.log.gz', '.mcap')  #: formats that can be written
-FLUSH_PERIOD = 0.5  #: time between two flushes [s], and the most that a killed recording loses
+FLUSH_PERIOD = 0.5  #: time between two flushes [s], and the longest period that a killed recording loses
 MEGABYTE = 1_000_000  #: [bytes]
 
 
@@ -76,8 +76,8 @@ class LogFile:
     def cut_back(self) -> int:
         """Truncate the file after the last flushed frame, and return the number of lost frames.
 
-        The truncation is needed after an OSError, because a full disk may have accepted only half a frame, and the
-        number of lost frames would be unknown.
+        After an OSError, a full disk may hold only half of the last frame. Without the truncation, the number of lost
+        frames would be unknown.
         """
         try:
             self.writer.stop()
@@ -100,14 +100,14 @@ class CanLogWriter:
         File to write. If the file exists and ``replaces`` is False, the log gets another name, such as
         ``session-2.log``.
     channel
-        Bus name for messages without a name, such as sent messages and messages from some adapters. From a device path,
-        only the last part is used.
+        Bus name for messages without a name, such as sent messages and messages from some adapters. Only the last part
+        of a device path is used.
     largest
         Size at which a new file is started [bytes], or 0 for a single file. Further files are named
         ``session_part2.log`` and so on. Each file can be read alone, and a reader given the first file reads all files
         as one log. No frame is lost between files.
     replaces
-        True to replace an existing log.
+        True to overwrite an existing log.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class CanLogWriter:
         Number of messages that do not fit the format or arrived after the recording had failed.
     failure
         Reason why the recording failed, for example a full disk, or '' if it did not fail. The reason is also logged.
-        After a failure, the recording ends with the last flushed frame, and nothing else is affected.
+        After a failure, the recording ends with the last flushed frame, and the rest of the process continues.
 
     Raises
     ------

@@ -32,7 +32,7 @@ class Contradiction(NamedTuple):
 
 
 class LoggedSetUp:
-    """Reads the SDO transfers of the pads' nodes, and checks each TPDO against the values seen so far.
+    """Reads the SDO transfers of the pads' nodes, and checks each TPDO against the values transferred so far.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class LoggedSetUp:
         Returns
         -------
         Contradiction or None
-            Evidence that the frame comes from another device or carries other taxels, or None without such evidence.
+            Evidence that the frame comes from another device or carries other taxels, or None if there is none.
         """
         take = self._takers.get(can_id)
         return None if take is None else take(can_id, data)
@@ -83,7 +83,7 @@ class _LoggedNode:
             return
         command = data[0] & COMMAND
         if command == constants.REQUEST_DOWNLOAD:
-            self._values.pop(key, None)  # either value may be valid until the response arrives
+            self._values.pop(key, None)  # until the response arrives, either the old or the new value may be valid
             if data[0] & constants.EXPEDITED:
                 self._requested[key] = _value(data)
         elif command == constants.REQUEST_UPLOAD:
@@ -182,7 +182,7 @@ class HeardNodes:
         self._heard: set[int] = set()
 
     def feed(self, message: can.Message) -> None:
-        """Process the next CAN frame. Node guarding requests are ignored, because the master sends these requests."""
+        """Process the next CAN frame. Node guarding requests are ignored, because the master sends them."""
         node_id = objects.node_of(message.arbitration_id, objects.HEARTBEAT)
         if node_id is not None and non_data_kind(message) is None and message.data:
             self._heard.add(node_id)

@@ -3,12 +3,12 @@
 An MCAP file stores messages in chunks, each with a checksum of its content. A chunk with a wrong checksum is dropped as
 a whole. An index at the end of the file, with a separate checksum, contains the positions of the chunks. The index is
 missing if the recorder was killed. Without an index, the reader reads the records (opcode, length, content) in
-sequence. If the sequence is broken, the reader searches for the next chunk, which can be recognised because its header
-contains the length twice and the name of the compression. Messages outside chunks have no checksum. After a damaged
-place, all messages outside chunks are lost up to the end of the file.
+sequence. If the sequence is broken, the reader searches for the next chunk. The header of a chunk can be recognised,
+because it contains the length twice and the name of the compression. Messages outside chunks have no checksum. After a
+damaged place, all messages outside chunks are lost up to the end of the file.
 
-The readers in the mcap library stop at the first damage. The library readers also skip a chunk with a damaged opcode
-like any unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
+The readers in the mcap library stop at the first damage. The readers also skip a chunk with a damaged opcode, as they
+skip any unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
 """
 
 import os
@@ -86,7 +86,7 @@ class McapFile:
 
     @property
     def channels(self) -> list[tuple[Channel, Schema | None]]:
-        """Channels known so far, each with a schema."""
+        """Channels known so far, each with its schema, or None if the schema is unknown."""
         return [(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
 
     def read(self, since: int = 0) -> Iterator[Stored | Damage]:
@@ -197,7 +197,7 @@ class McapFile:
 
 
 def _chunk_of(content: bytes) -> Chunk | None:
-    """Parse a record as a chunk, even if its opcode is damaged. Return None if its lengths are inconsistent."""
+    """Parse a record as a chunk, even if the opcode is damaged. Return None if the lengths are inconsistent."""
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(content)))
     except Exception:  # other kinds of records raise struct, UTF-8 or end-of-file errors

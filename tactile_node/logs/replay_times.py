@@ -11,14 +11,14 @@ from typing import NamedTuple
 logger = logging.getLogger(__name__)
 
 LONGEST_WAIT = 10.0  #: longer gaps in a log are skipped [s]
-PLAYED_RESOLUTION = 1e-3  #: stamps that are played within this time share an entry [s]
+PLAYED_RESOLUTION = 1e-3  #: stamps played within this time of each other share an entry [s]
 MOST_ENTRIES = 4096      #: number of entries kept, which cover at least 4 s of playback
 
 
 class RecordedPace:
     """Waits until it is time to play a message.
 
-    The clock starts with the first message. A gap longer than LONGEST_WAIT is skipped without a wait.
+    The clock starts with the first message. A gap longer than LONGEST_WAIT is skipped without waiting.
 
     Parameters
     ----------
@@ -89,7 +89,8 @@ class TimeWindow(NamedTuple):
         return self.start + self.duration
 
     def of(self, begin: int) -> tuple[int, int | None]:
-        """Return the start and the end of the window [ns], with None for the end of the recording.
+        """Return the start and the end of the window [ns]; the end is None if the window extends to the end of the
+        recording.
 
         Parameters
         ----------

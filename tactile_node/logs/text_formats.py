@@ -18,8 +18,8 @@ class TextFormat(NamedTuple):
     reader: Callable[[TextIO], MessageReader]  #: reader of python-can
     frame: re.Pattern[str]  #: line with a complete CAN frame, or line that changes the time of the following frames
     other: re.Pattern[str]  #: start of a line without a CAN frame, such as a comment, a statistic or an event
-    header: re.Pattern[str] = re.compile('(?!)')  #: start of a line that the reader needs before the frames
-    header_end: str = ''    #: line at which the reader ends its search for the header, and which the reader drops
+    header: re.Pattern[str] = re.compile('(?!)')  #: start of a header line, which the reader needs before the frames
+    header_end: str = ''    #: line at which the reader stops looking for the header; the reader drops this line
     corrected: Callable[[str], str] = str  #: function that makes a line readable, or raises ValueError
 
 
@@ -55,7 +55,7 @@ def whole_lines(stream: TextIO, form: TextFormat, on_unread: Callable[[str], Non
                     yield form.header_end
                 is_header = False
                 yield readable
-            elif not form.other.match(line):  # a truncated line may look like another frame
+            elif not form.other.match(line):  # a truncated line may look like a different frame
                 on_unread(f'a damaged line: {line.strip()[:MOST_SHOWN]!r}' if line.endswith('\n')
                           else 'cut short: the log ends within a line, and that line is not used')
 
@@ -79,7 +79,7 @@ _HOUR_OF_DAY = _pattern(r'(?<=\s)((?:00|1[3-9]|2[0-3]):\d\d:\S+)\s+[ap]m\b')
 
 
 def _with_readable_date(line: str) -> str:
-    """Return a line of an ASC log, with any date rewritten for python-can. Raises ValueError for an unreadable date."""
+    """Return a line of an ASC log after rewriting any date for python-can. Raises ValueError for an unreadable date."""
     found = _DATE.fullmatch(line)
     if found is None:
         return line
@@ -113,7 +113,7 @@ ASC = _asc('[0-9A-F]+', '[0-9A-F]{2}')
 ASC_DECIMAL = _asc(r'\d+', r'\d{1,3}')
 _DECIMAL = _pattern(r'base\s+dec\b')
 
-#: pairs of the DLC or length in a TRC column and the number of data bytes in the frame
+#: DLC or length in a TRC column, paired with the number of data bytes in the frame
 _TRC_SIZES = sorted({(dlc, dlc2len(dlc)) for dlc in DLCS} | {(dlc2len(dlc), dlc2len(dlc)) for dlc in DLCS})
 _TRC_DATA = '|'.join(rf'{given}(?:\s+[0-9A-F]{{2}}){{{size}}}' for given, size in _TRC_SIZES)
 _TRC_ID = r'[0-9A-F]{4,8}\s+(?:[RT]x\s+)?(?:-\s+)?'
@@ -124,7 +124,7 @@ TRC = TextFormat(
     _pattern(r'\s*(?:$|;|\d+\)?\s+[\d.]+\s+(?:\d+\s+)?(?:Warng|Error|Event|FFFFFFFF|ST|EC|ER|EV)\s)'),
     _pattern(r';\$'))
 
-#: patterns of a number of bytes and their base64 code
+#: patterns for a number of bytes and for their base64 code
 _CSV_DATA = '|'.join(rf'{size},[A-Z0-9+/]{{{(size * 4 + 2) // 3}}}={{{-size % 3}}}' for size in range(MOST_DATA + 1))
 CSV = TextFormat(
     can.CSVReader, _pattern(rf'[\d.e+-]+,0x[0-9a-f]+,[01],(?:1,[01],\d+,|0,[01],(?:{_CSV_DATA}))\n?'),

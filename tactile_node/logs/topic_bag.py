@@ -56,7 +56,7 @@ class BagMessage(NamedTuple):
     type: str
     #: time of recording [s, Unix epoch]
     recorded: float
-    #: time of recording by the clock of the taxel stamps, which differs from ``recorded`` in a replay, or if the clocks
+    #: time of recording on the clock of the taxel stamps, which differs from ``recorded`` in a replay or if the clocks
     #: of two computers differ
     stamp: float
     content: Any
@@ -80,9 +80,9 @@ class TopicBagReader:
     topics
         Message types by topic.
     unread
-        Number of messages or parts left out during the last read, by reason.
+        Number of messages or parts omitted during the last read, by reason.
     problem
-        Description of the last part that was left out.
+        Description of the last part that was omitted.
     damages
         Places where the files are damaged.
 
@@ -112,7 +112,7 @@ class TopicBagReader:
         return tuple(sorted(pad_of(topic) for topic, kind in self.topics.items() if kind == TAXELS))
 
     def messages(self, types: Collection[str], window: TimeWindow = WHOLE) -> Iterator[BagMessage]:
-        """Yield the messages of the given types in the window, without any TaxelArray that has inconsistent fields."""
+        """Yield the messages of the given types in the window, except TaxelArrays with inconsistent fields."""
         self._behind = None
         self.unread, self.problem, self.damages = Counter(), '', []
         bounds = (0, None) if window == WHOLE else window.of(begin_of(self.path))
@@ -137,7 +137,7 @@ class TopicBagReader:
         yield BagMessage(recorded.topic, recorded.type, at, at + self._behind, content)
 
     def _first_behind(self) -> float:
-        """Return the difference between stamp and recording time of the first taxel array, or 0 if there is none.
+        """Return the difference between the stamp and the recording time of the first taxel array, or 0 without any.
 
         The difference is applied to messages that precede the first taxel array.
         """
@@ -176,7 +176,7 @@ class _TopicTypes:
         return self._stores[key].deserialize_cdr(decompress(recorded.cdr), recorded.type)
 
     def _store(self, kind: str, definition: str) -> Any:
-        """Return a new type store for a definition, because another bag may define a contained type differently."""
+        """Return a new type store for a definition, because another bag may define a nested type differently."""
         if definition:
             try:
                 store = self._typesys.get_typestore(self._typesys.Stores.EMPTY)
@@ -189,19 +189,19 @@ class _TopicTypes:
 
     @cached_property
     def _ours(self) -> Any:
-        return message_types(self._typesys, (  # contained types must come first
+        return message_types(self._typesys, (  # nested types must come first
             'TaxelArray', 'ContactMotion', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus'))
 
 
 def message_types(typesys: Any, names: Iterable[str]) -> Any:
-    """Return a store with the types of ROS 2 Jazzy and messages of this package.
+    """Return a store with the types of ROS 2 Jazzy and the given messages of this package.
 
     Parameters
     ----------
     typesys
         The module rosbags.typesys.
     names
-        Names of this package's messages. Contained messages must precede the messages that contain them.
+        Names of this package's messages. Nested message types must precede the types that contain them.
     """
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     for name in names:

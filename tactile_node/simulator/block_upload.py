@@ -9,7 +9,7 @@ from tactile_node.cia301 import sdo
 
 
 class BlockUploadServer:
-    """Serves block uploads of one object.
+    """Serves block uploads for a single object.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class BlockUploadServer:
         self._send = send
         self._data = b''
         self._acknowledged = 0  # number of segments
-        self._in_block = 0  # number of segments sent in the current block
+        self._in_block = 0  # number of segments already sent in the current block
         self._block_size = 0  # number of segments
         self._is_running = False
 

@@ -24,13 +24,13 @@ logger = logging.getLogger(__name__)
 #: function that takes the time since the device became OPERATIONAL [s] and returns taxel values (rows, cols) in the
 #: layout's unit
 TaxelSource = Callable[[float], np.ndarray]
-#: function that sends the TPDOs of a sweep, given as pairs of COB-ID and bytes, or reads no pair if the device's
-#: transmit queue has no space for a sweep
+#: function that sends the TPDOs of a sweep, given as pairs of COB-ID and bytes; if the transmit queue has no space for
+#: a sweep, the function reads no pair
 SendSweep = Callable[[Iterator[tuple[int, bytes]]], None]
 
 
 class SimulatedDevice:
-    """Simulates one node of a pad as a CANopen slave with boot-up, heartbeat, NMT, SDO server and TPDOs.
+    """Simulates one node of a pad: a CANopen slave with boot-up, heartbeat, NMT, SDO server and TPDOs.
 
     The objects 0x1005, 0x1800... and 0x1A00..., as written by the master, determine which TPDOs the device sends. The
     layout only determines which mapped object contains which taxel. TPDOs of types 254 and 255 with an event timer are
@@ -75,8 +75,8 @@ class SimulatedDevice:
         self._syncs = 0
         self._lock = threading.RLock()
         self.frames_sent = 0
-        self.refuses_blocks = False  #: True to act like a device whose SDO server does not support block upload
-        self.refuses_start = False  #: True to act like a device that stays PRE-OPERATIONAL because of an error
+        self.refuses_blocks = False  #: True to behave like a device whose SDO server does not support block upload
+        self.refuses_start = False  #: True to behave like a device that stays PRE-OPERATIONAL because of an error
 
     def boot(self) -> None:
         """Switch the device on. The device sends its boot-up message and becomes PRE-OPERATIONAL."""
@@ -161,7 +161,7 @@ class SimulatedDevice:
                 return
 
     def _send_due(self, now: float) -> float:
-        """Send the event-driven TPDOs that are due. Return the time at which the next TPDOs may be due."""
+        """Send the event-driven TPDOs that are due. Return the earliest time at which the next TPDOs may be due."""
         with self._lock:
             if not self.operational:
                 return now + SCAN
@@ -180,7 +180,7 @@ class SimulatedDevice:
         return values if self._zero is None else values - self._zero
 
     def _zero_channel(self, channel: int, data: bytes) -> None:
-        """Zero one channel. Channel 1 is taxel (0, 0), and further channels follow row by row."""
+        """Zero one channel. Channel 1 is taxel (0, 0), and the other channels follow row by row."""
         if data != objects.ZERO_SIGNATURE:
             raise SdoAbortedError(AbortCode.INVALID_VALUE)
         values = np.asarray(self._source(time.time() - self._started))
@@ -189,7 +189,7 @@ class SimulatedDevice:
         self._zero = zero
 
     def _on_sdo(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        if len(data) != SDO_BYTES:  # not an SDO request, for which canopen's server would raise an exception
+        if len(data) != SDO_BYTES:  # not an SDO request, so canopen's server would raise an exception
             return
         with self._lock:
             if self._blocks is None or self.refuses_blocks or not self._blocks.takes(bytes(data)):

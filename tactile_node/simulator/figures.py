@@ -1,4 +1,4 @@
-"""Additional figures that can touch a simulated pad, given by name or as a silhouette.
+"""Additional figures that can touch a simulated pad, specified by name or as a silhouette.
 
 The figures represent a user's own shapes, which `tactile teach` learns and `tactile simulate` presses onto a pad.
 Lengths and positions are in taxel pitches, as in world.py.
@@ -16,7 +16,7 @@ from tactile_node.errors import InputError
 from tactile_node.simulator.world import PAD
 from tactile_node.taxel_frame import read_only
 
-DRAWN_CELLS = 192  #: number of cells along each side of the square from -1 to 1 in which a named figure is drawn
+DRAWN_CELLS = 192  #: number of cells per side of the square from -1 to 1 in which a named figure is drawn
 LEAST_CELLS = 30  #: minimum number of filled cells, because a smaller silhouette has no useful outline
 MOST_SIDE = 2048  #: maximum number of rows or columns of a silhouette
 
@@ -25,7 +25,7 @@ Drawing = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Silhouette:
-    """A figure without a size. The array ``distance`` is read-only."""
+    """Outline of a figure, independent of its size. The array ``distance`` is read-only."""
 
     name: str
     distance: np.ndarray          #: signed distance from the outline, positive inside [cells], shape (rows, cols)
@@ -79,14 +79,14 @@ class Figure:
 
 
 def silhouette_of(name: str, filled: np.ndarray) -> Silhouette:
-    """Return the silhouette of a figure given as an array of filled cells.
+    """Return the silhouette of a figure that is given as an array of filled cells.
 
     Parameters
     ----------
     name
         Name of the figure.
     filled
-        Array that is True in the cells of the figure, bool, shape (rows, cols).
+        Array that is True in each cell covered by the figure, bool, shape (rows, cols).
 
     Raises
     ------
@@ -122,7 +122,7 @@ def named_silhouette(name: str) -> Silhouette:
 
 
 def random_figure(rng: np.random.Generator, silhouette: Silhouette, area: float, rows: int, cols: int) -> Figure:
-    """Draw a figure with the given area [taxels] in general position, in the middle of a pad."""
+    """Draw a random figure with the given area [taxels] in general position, in the middle of a pad."""
     x, y = rng.uniform(-0.5, 0.5, 2) + ((cols - 1) / 2, (rows - 1) / 2)
     return Figure(silhouette, area, x=float(x), y=float(y), angle=float(rng.uniform(0, 2 * np.pi)))
 
@@ -201,8 +201,8 @@ def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
 
     Notes
     -----
-    The function counts points, because a contact may be hollow or rounded and need not be a polygon. For polygons,
-    `pose.outlines.coverages` is exact. The published weights and figures are based on point counts.
+    The function counts sample points, because a contact may be hollow or rounded instead of a polygon. For polygons,
+    `pose.outlines.coverages` is exact. The published weights and results are based on this point count.
     """
     covered, near = np.zeros((rows, cols)), _window(contact, rows, cols)
     y, x = np.indices((rows, cols))[(slice(None), *near)].astype(float)
@@ -218,7 +218,7 @@ def coverage(contact: Touching, rows: int = PAD, cols: int = PAD) -> np.ndarray:
 
 
 def _window(contact: Touching, rows: int, cols: int) -> tuple[slice, slice]:
-    """Return the rows and columns of the pad that the contact can touch."""
+    """Return the range of rows and columns that the contact can touch."""
     low = np.floor(np.array([contact.y, contact.x]) - contact.reach).astype(int)
     high = np.ceil(np.array([contact.y, contact.x]) + contact.reach).astype(int) + 1
     return slice(*np.clip((low[0], high[0]), 0, rows)), slice(*np.clip((low[1], high[1]), 0, cols))

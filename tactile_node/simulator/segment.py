@@ -1,4 +1,4 @@
-"""A simulated CAN wire with senders and receivers, on which all events depend only on the times given to ``run``."""
+"""A simulated CAN wire with senders and receivers. All events depend only on the times passed to ``run``."""
 
 import heapq
 import itertools
@@ -17,9 +17,9 @@ Call = Callable[[], None]
 
 
 class Segment:
-    """Delivers each CAN frame at its end to all participants except the sender, and makes calls at given wire times.
+    """Delivers each CAN frame at its end to all participants except its sender, and makes calls at given wire times.
 
-    A participant is called with the exact end time of the CAN frame, even if the computer is running late. An immediate
+    Each participant receives the exact end time of the CAN frame, even if the computer is running late. An immediate
     response therefore takes part in the next arbitration. Times are in seconds. The class is not thread-safe.
     """
 
@@ -37,7 +37,7 @@ class Segment:
         return sender
 
     def submit(self, call: Call) -> None:
-        """Make a call that queues frames or sets timers. A live segment makes the call on its thread."""
+        """Make a call that may queue frames or set timers. A live segment makes the call on its thread."""
         call()
 
     def at(self, when: float, call: Call) -> None:
@@ -127,9 +127,9 @@ class LiveSegment(Segment):
         self.submit(lambda: self._host.put(self.now, frame))
 
     def wait_until_idle(self, timeout: float) -> None:
-        """Wait until all queued frames have been transmitted and delivered, but at most ``timeout`` [s].
+        """Wait up to ``timeout`` [s] until all queued frames have been transmitted and delivered.
 
-        The timeout is needed because other participants may keep sending.
+        Without a timeout, the wait might never end, because other participants may keep sending.
         """
         is_idle = threading.Event()
 

@@ -27,7 +27,7 @@ class WireSettings:
     bitrate: int = DEFAULT_BITRATE  #: bit rate of the wire [bit/s]
     delay: float = 0.0003   #: time from the end of a request until the device has its response ready [s]
     jitter: float = 0.0001  #: maximum random addition to ``delay``, uniformly distributed [s]
-    most_sweeps: int = 2    #: number of unsent sweeps at which a device skips the next sweep
+    most_sweeps: int = 2    #: number of unsent sweeps at which a device starts to skip sweeps
     batch: float = 0.0005   #: maximum time for which a frame waits to be delivered together with later frames [s]
     seed: int = 0           #: seed of the random jitter
 
@@ -61,7 +61,7 @@ class WireNetwork(Network):
         self._segment.submit(lambda: self._sender.put(self._next_ready(), frame))
 
     def send_sweep(self, frames: Iterator[tuple[int, bytes]]) -> None:
-        """Queue a whole sweep. If too many sweeps are queued, the sweep is skipped and ``frames`` is not read."""
+        """Queue a complete sweep. If too many sweeps are queued, the sweep is skipped and ``frames`` is not read."""
         self._segment.submit(lambda: self._sender.put_sweep(
             self._next_ready(), (Frame(can_id, data) for can_id, data in frames), self._settings.most_sweeps))
 
@@ -88,7 +88,7 @@ class WireNetwork(Network):
 
 
 class PeriodicFrame(PeriodicMessageTask):
-    """A cyclic task like in python-can, but timed by the wire."""
+    """A cyclic task as in python-can, but timed by the wire."""
 
     def __init__(self, network: WireNetwork, can_id: int, data: bytes, period: float, remote: bool):
         self._network = network
@@ -167,7 +167,7 @@ class SkinSimulator:
     pads
         Pads to simulate.
     sources
-        Functions that return the taxel values at a given time, by pad name.
+        Function for each pad, by name, that returns the taxel values at a given time.
     on_failure
         Called with the error if the bus fails.
     wire
@@ -214,7 +214,7 @@ class SkinSimulator:
             self.devices[node.node_id] = device
             device.boot()
         if self._gateway is not None:
-            # The boot-up messages must have been sent when the method returns, as without a wire.
+            # The boot-up messages must have been sent before the method returns, just as without a wire.
             self._gateway.wait_until_idle(timeout=1.0)
 
     def report(self) -> WireReport | None:

@@ -37,8 +37,8 @@ class SlcanPty(can.BusABC):
     link
         Path of a symbolic link that gives the pseudo-terminal a fixed name, or '' for no link.
     bitrate
-        Bit rate of the bus [bit/s]. A client that sets another bit rate neither receives frames nor is received. If
-        None, every bit rate is accepted.
+        Bit rate of the bus [bit/s]. A client that sets another bit rate receives no frames, and its frames are not
+        received. If None, every bit rate is accepted.
     """
 
     def __init__(self, link: str = '', bitrate: int | None = None):
@@ -125,7 +125,7 @@ class SlcanPty(can.BusABC):
                                                                  OK if command in b'SsMmZX' else REFUSED)
 
     def _set_open(self, is_open: bool) -> bytes:
-        if not is_open:  # unread frames of the last client are not for the next client
+        if not is_open:  # frames that the last client did not read must not reach the next client
             with self._lock:
                 self._unsent.clear()
             termios.tcflush(self._port_fd, termios.TCIFLUSH)
@@ -152,7 +152,7 @@ class SlcanPty(can.BusABC):
 
 
 def _point(link: Path, port: str) -> None:
-    """Make ``link`` a symbolic link to ``port``, replacing only an existing link. Raises ConfigurationError."""
+    """Make ``link`` a symbolic link to ``port``, replacing only existing symbolic links. Raises ConfigurationError."""
     try:
         if link.is_symlink():
             link.unlink()

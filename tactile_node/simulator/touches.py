@@ -1,4 +1,4 @@
-"""Programmes of touches on simulated pads or a gripper, as taxel values over time."""
+"""Programmes of touches on simulated pads or a simulated gripper, given as taxel values over time."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -14,13 +14,13 @@ from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import PRESS_BY_UNIT
 
-RAMP = 0.1  #: rise time and fall time of the pressure [s]
+RAMP = 0.1  #: time in which the pressure rises or falls [s]
 TOUCH_AREAS = (40.0, 60.0, 80.0)  #: areas of the contacts [taxels]
 
 
 @dataclass(frozen=True)
 class SimulatedTouch:
-    """One object, pressed on one pad from ``begin`` to ``end`` [s after the skin became operational]."""
+    """One object pressed onto one pad from ``begin`` to ``end`` [s after the skin became operational]."""
 
     contact: Touching
     begin: float
@@ -36,7 +36,7 @@ class SimulatedTouch:
 
 
 class TouchProgram:
-    """A sequence of touches that repeats indefinitely. A call with a time [s] returns the taxel values.
+    """A sequence of touches that repeats indefinitely. Calling the programme with a time [s] returns the taxel values.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class TouchProgram:
 def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASSES,
                   areas: tuple[float, ...] = TOUCH_AREAS,
                   seed: int = 0, hold: float = 1.0, pause: float = 0.5) -> TouchProgram:
-    """Return a programme that presses every shape with every area in general position.
+    """Return a programme that presses each shape in each size, in general position.
 
     Parameters
     ----------
@@ -105,11 +105,11 @@ def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Genera
 
 #: duration of a contact [s], long enough for a grasp to become stable
 TOUCH_HOLD = 3.0
-#: time between two contacts [s], long enough for one of several 1 s tares to meet no contact
+#: time between two contacts [s], long enough that one of several 1 s tares sees no contact
 TOUCH_PAUSE = 2.5
 #: standard deviation of a taxel [fraction of full scale], unless MOST_NOISE is lower
 TAXEL_NOISE = 0.005
-#: maximum default noise [fraction of the press threshold], because with more noise a quiet pad would seem pressed
+#: maximum default noise [fraction of the press threshold]; with more noise, an untouched pad would seem pressed
 MOST_NOISE = 1 / 60
 SLIDE_WAY = 2.0  #: distance by which a contact slides to either side [pitches]
 
@@ -145,12 +145,12 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
 
 def _felt(pad: PadSettings, program: TouchProgram, step: int, slide: float, noise: float | None,
           rng: np.random.Generator) -> TaxelSource:
-    """Return a source with noise, in which ``step`` -1 mirrors the columns. On/off taxels get no noise."""
+    """Return a source with noise; a ``step`` of -1 mirrors the columns. On/off taxels get no noise."""
     value, is_on_off = pad.layout.value, pad.layout.value.bits == 1
     lowest, full_scale = sorted(value.to_value(np.array(value.raw_range)).tolist())
     most = np.inf if noise is not None else MOST_NOISE * PRESS_BY_UNIT[value.unit]
     deviation = 0.0 if is_on_off else min(most, (TAXEL_NOISE if noise is None else noise) * full_scale)
-    rest = max(0.0, lowest + 3 * deviation) if deviation else 0.0  # noise at the lowest value would be clipped
+    rest = max(0.0, lowest + 3 * deviation) if deviation else 0.0  # noise around the lowest value would be clipped
 
     def source(time: float) -> np.ndarray:
         values = program(time)[:, ::step]

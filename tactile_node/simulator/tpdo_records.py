@@ -32,12 +32,12 @@ class ConfiguredTpdo(NamedTuple):
     """A TPDO as configured by the master, or one CAN frame of a multiplexed TPDO."""
 
     can_id: int
-    #: n if the TPDO is sent at every n-th SYNC, or 0 if the TPDO is sent at a SYNC after its bytes have changed
+    #: n if the TPDO is sent at every n-th SYNC, or 0 if it is sent at the first SYNC after its bytes have changed
     every: int
     length: int  #: number of bytes
     pieces: tuple[Piece, ...]
     whole: int | None  #: rank of the layout's TPDO with the same content, or None
-    rank: int = 0  #: position in the layout, where TPDOs that are not in the layout come last
+    rank: int = 0  #: position in the layout; TPDOs that are not in the layout come last
     head: bytes = b''  #: first bytes of the CAN frame of a multiplexed TPDO
     event_timer: float = 0.0  #: longest time between two transmissions [s], or 0 for a TPDO that is sent at SYNC
     inhibit_time: float = 0.0  #: shortest time between two transmissions [s]
@@ -131,8 +131,8 @@ class EventSchedule:
     """Schedules the TPDOs with an event timer. TPDOs without an event timer are never due.
 
     TPDOs of type 254 with the same event timer are due together, after one scan of the taxels. A TPDO of type 255 is
-    due when its bytes have changed and its inhibit time has passed since the last transmission. At the latest, a TPDO
-    of type 255 is due when its event timer expires.
+    due when its bytes have changed and its inhibit time has passed since the last transmission. A TPDO of type 255 is
+    also due when its event timer expires.
 
     Parameters
     ----------

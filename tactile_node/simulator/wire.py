@@ -1,4 +1,4 @@
-"""Model of a CAN wire without threads or a clock, which computes the next sender and the end of its CAN frame."""
+"""Model of a CAN wire that computes the next sender and the end of its CAN frame, without threads or a clock."""
 
 import math
 from bisect import insort
@@ -109,7 +109,7 @@ class Carried(NamedTuple):
 class Wire:
     """A simulated CAN wire, shared by several senders.
 
-    The wire next transmits the frame with the lowest identifier among the first frames of all queues (ISO 11898-1).
+    Among the first frames of all queues, the frame with the lowest identifier is transmitted next (ISO 11898-1).
 
 
     >>> wire = Wire()
@@ -134,8 +134,8 @@ class Wire:
     def carry(self, until: float) -> Carried | None:
         """Return the next frame if it ends by ``until`` [s], or None.
 
-        A frame whose transmission has begun by ``until`` is never interrupted. A frame that is queued between two calls
-        takes part in arbitration as soon as it is ready.
+        A frame whose transmission has already begun by ``until`` is never interrupted. A frame that is queued between
+        two calls takes part in arbitration as soon as it is ready.
         """
         if self._current is None and (start := self.next_start) <= until and start < math.inf:
             self._begin(start)

@@ -1,8 +1,9 @@
-"""Synthetic contacts of five shapes in general position, which are the ground truth of the reported results.
+"""Synthetic contacts of five shapes in general position, which serve as the ground truth for the reported results.
 
 Lengths and positions are in taxel pitches. Taxel (row, col) is centred at x = col, y = row. A positive angle rotates x
-towards y. General position means an angle uniform over the whole circle, and a centre of area uniform within one taxel
-in the middle of the pad. Areas are given in taxels. The shapes of the benchmark are:
+towards y. In general position, the angle is uniformly distributed over the full circle, and the centre of area is
+uniformly distributed within one taxel in the middle of the pad. Areas are given in taxels. The shapes of the benchmark
+are:
 
 - circle
 - square
@@ -76,7 +77,7 @@ class Contact:
         Returns
         -------
         numpy.ndarray
-            Vertices (x, y) in the direction from x to y, shape (n, 2).
+            Vertices (x, y), ordered in the direction from x towards y, shape (n, 2).
         """
         return self._outline(points).placed(np.array((self.x, self.y)), self.angle, self._lengths)
 
@@ -107,7 +108,7 @@ class Contact:
 
 def random_contact(rng: np.random.Generator, shape: str, area: float,
                    rows: int = PAD, cols: int = PAD) -> Contact:
-    """Draw a contact in general position, in the middle of a pad.
+    """Draw a random contact in general position, in the middle of a pad.
 
     Parameters
     ----------

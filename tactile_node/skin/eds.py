@@ -1,4 +1,4 @@
-"""Load an EDS (CiA 306) with canopen, and name the section and the key in errors."""
+"""Load an EDS (CiA 306) with canopen. Errors name the section and the key."""
 
 import pickle
 import re
@@ -27,16 +27,16 @@ _INFO_NUMBERS = ('VendorNumber', 'ProductNumber', 'RevisionNumber', 'Granularity
                  'LSS_Supported')
 _NUMBERS = (*_INFO_NUMBERS, 'ObjectType', 'DataType', 'PDOMapping', 'SubNumber', 'CompactSubObj',
             *(f'BaudRate_{rate}' for rate in (10, 20, 50, 125, 250, 500, 800, 1000)))
-# the values of these keys are numbers if the DataType is numeric
+# keys whose values are numbers if the DataType is numeric
 _VALUES = 'DefaultValue', 'ParameterValue', 'LowLimit', 'HighLimit'
 #: spelling that canopen expects for each lower-case key, because CiA 306 does not specify upper or lower case
 _KEYS = {key.lower(): key for key in (
     *_NUMBERS, *_VALUES, 'VendorName', 'ProductName', 'OrderCode', 'ParameterName', 'AccessType', 'StorageLocation',
     'Denotation', 'Factor', 'Unit', 'Description', 'SupportedObjects', 'NrOfEntries')}
 _TITLES = {'deviceinfo': 'DeviceInfo', 'fileinfo': 'FileInfo'}
-_PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN, which contain a value directly
+_PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN, which hold a value themselves
 _REMEDY = "Use the device maker's EDS, or correct this one (CiA 306)."
-_import_eds: Callable[[StringIO, int], ObjectDictionary] = import_eds  # canopen does not annotate its types
+_import_eds: Callable[[StringIO, int], ObjectDictionary] = import_eds  # canopen has no type annotations
 
 
 class _Parser(RawConfigParser):
@@ -83,7 +83,7 @@ def _pickled(path: Path, text: str, node_id: int) -> bytes:
         _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
 
 
-@lru_cache(maxsize=8)  # cached, because nodes share an EDS and a check takes 0.1 s
+@lru_cache(maxsize=8)  # cached, because several nodes share an EDS and one check takes 0.1 s
 def _checked(path: Path, text: str) -> str:
     """Rewrite the EDS content ``text`` in a form that canopen can read. Raises ConfigurationError."""
     checked = StringIO()
@@ -106,7 +106,7 @@ def _decode(content: bytes) -> str:
 
 
 def _check_text(path: Path, text: str) -> _Parser:
-    """Reject content that canopen cannot read, with section and key in the error. Correct or drop harmless content."""
+    """Reject content that canopen cannot read, and name its section and key. Correct or drop harmless content."""
     parser = _Parser(inline_comment_prefixes=(';',))
     try:
         parser.read_string(text)
@@ -131,7 +131,7 @@ def _check_text(path: Path, text: str) -> _Parser:
 
 
 def _tidy(path: Path, parser: _Parser) -> _Parser:
-    """Convert section names to canopen's spelling. Drop comment sections, and empty values, which mean "absent"."""
+    """Convert section names to canopen's spelling. Drop comment sections. Drop empty values, which mean "absent"."""
     tidied = _Parser()
     for name in parser.sections():
         sub = _SUBOBJECT.fullmatch(name)
@@ -168,7 +168,7 @@ def _check_object(path: Path, parser: RawConfigParser, name: str) -> None:
 
 
 def _check_identity(path: Path, parser: RawConfigParser) -> None:
-    """Reject an identity that canopen would skip, because no device could be compared with such an identity."""
+    """Reject an identity that canopen would skip, because no device could be compared with it."""
     title = f'{IDENTITY:04X}'
     if not parser.has_section(title):
         return
@@ -197,7 +197,7 @@ def _refuse(path: Path, expected: str, got: str) -> NoReturn:
 
 
 class Entry(NamedTuple):
-    """A key in a section with its value, or a section title with the value ''."""
+    """A key of a section, with its value, or a section title, with the value ''."""
 
     line: int
     value: str
@@ -229,7 +229,7 @@ class EdsText:
         return int(read_octal(entry.value), 0) if entry is not None and entry.value else None
 
     def place(self, section: str, key: str = '') -> str:
-        """Describe a section or key with its line number for messages, omitting a key that is missing."""
+        """Describe a key with its line number for messages, or only the section if the key is missing or not given."""
         entry = self.entry(section, key) or self.entry(section)
         return (f'section [{section}]' + (f', key "{key}"' if key and self.entry(section, key) else '')
                 + (f', line {entry.line}' if entry else ''))

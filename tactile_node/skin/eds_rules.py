@@ -1,4 +1,4 @@
-"""Check that an EDS matches a skin layout, and that the EDS correctly declares the objects that the driver sets.
+"""Check that an EDS matches a skin layout and correctly declares the objects that the driver sets.
 
 canopen truncates each value that it reads to the size declared in the EDS. If an EDS declares an object with too few
 bits or a wrong type, the driver could therefore wrongly conclude that the object is already set.
@@ -19,7 +19,7 @@ from tactile_node.skin.layout_draft import variable_of
 
 
 class Identity(NamedTuple):
-    """Object 0x1018. In an identity from an EDS, None or 0 means that the EDS does not specify the value."""
+    """Object 0x1018. In the identity read from an EDS, None or 0 means that the EDS does not specify the value."""
 
     vendor: int | None
     product: int | None
@@ -74,7 +74,7 @@ def identity_of(dictionary: ObjectDictionary, eds: str) -> Identity:
 
 
 def _number(record: ODRecord | ODArray, sub: int, eds: str) -> int | None:
-    """Return the default of ``sub``, or None for an ARRAY element that canopen has made up."""
+    """Return the default value of ``sub``, or None for an ARRAY element that canopen has made up."""
     variable = record.subindices.get(sub)
     default = None if variable is None else variable.default
     if default is None or isinstance(default, int):
@@ -83,16 +83,16 @@ def _number(record: ODRecord | ODArray, sub: int, eds: str) -> int | None:
                got=repr(default))
 
 
-#: number of bits of the COB-ID and the transmission type, by sub-index (CiA 301)
+#: size of the COB-ID and the transmission type [bits], by sub-index (CiA 301)
 COMMUNICATION_BITS = {1: 32, objects.TRANSMISSION_TYPE: 8}
-#: number of bits of the inhibit time and the event timer, by sub-index
+#: size of the inhibit time and the event timer [bits], by sub-index
 TIME_BITS = {objects.INHIBIT_TIME: 16, objects.EVENT_TIMER: 16}
-#: number of bits of the object count and of the mapped objects, by sub-index
+#: size of the object count and of the mapped objects [bits], by sub-index
 MAPPING_BITS = {0: 8} | dict.fromkeys(range(1, objects.MAX_PDO_BITS + 1), 32)
 
 
 def check_against(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> None:
-    """Raise ConfigurationError if the EDS does not match the layout, or if the EDS cannot be used."""
+    """Raise ConfigurationError if the EDS does not match the layout or cannot be used."""
     for check in eds_checks(dictionary, layout, eds):
         check()
 
@@ -117,7 +117,7 @@ def eds_checks(dictionary: ObjectDictionary, layout: SkinLayout, eds: str) -> It
 
 
 def _check_value(dictionary: ObjectDictionary, index: int, bits: int, text: EdsText) -> None:
-    """Check that an object is either absent or a single value with at least ``bits`` bits."""
+    """Check that an object, if present, is a single value with at least ``bits`` bits."""
     if index not in dictionary:
         return
     entry = dictionary[index]

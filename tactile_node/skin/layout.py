@@ -10,7 +10,7 @@ from tactile_node.taxel_frame import NO_SIDE, SkinSide
 from tactile_node.yaml_section import Section
 
 #: fraction of the period within which a sweep must arrive; twice this fraction leaves a tenth of the period for errors
-#: of the device's timer and of the stamps
+#: in the device's timer and the stamps
 SWEEP_SHARE = 0.45
 
 
@@ -22,7 +22,7 @@ class EventDriven:
     event_timer: float  #: longest time between two transmissions of a TPDO, or 0 to disable the timer
     inhibit_time: float  #: shortest time between two transmissions of a TPDO
     is_sweeps: bool  #: True if all TPDOs of a scan are sent together, in layout order
-    period: float  #: shortest time between the starts of two sweeps, or the event timer if the frames are not sweeps
+    period: float  #: shortest time between the starts of two sweeps, or the event timer if taxel frames are snapshots
     max_age: float  #: maximum age of used TPDO values if the frames are not sweeps, else 0
 
     @property
@@ -64,7 +64,7 @@ def read_event_driven(top: Section) -> EventDriven | None:
 
 
 def _time(section: Section, key: str, unit: float, *default: float) -> float:
-    """Read a time [s] that the device stores as a 16-bit number in multiples of ``unit`` [s]."""
+    """Read a time [s] that the device stores as a 16-bit multiple of ``unit`` [s]."""
     value = section.number(key, *default)
     if not 0 <= value <= objects.MAX_TIME * unit or abs(value - round(value / unit) * unit) > unit / 1000:
         section.refuse(key, expected=f'0..{objects.MAX_TIME * unit:g} s in steps of {unit:g} s', got=f'{value:g}',
@@ -72,7 +72,7 @@ def _time(section: Section, key: str, unit: float, *default: float) -> float:
     return value
 
 
-MAX_DOMAIN_BYTES = 1 << 20  #: limits the memory that a typing error in a layout can allocate [bytes]
+MAX_DOMAIN_BYTES = 1 << 20  #: limit on the memory that a typing error in a layout can allocate [bytes]
 MAX_SIDE = 1024  #: maximum number of rows or columns, which limits the memory that a typing error can allocate
 
 
@@ -121,7 +121,7 @@ class ValueFormat:
 
     @property
     def saturated_count(self) -> int | None:
-        """Count at the loaded end of the range, or None for on/off taxels, which cannot saturate."""
+        """Count at full load, or None for on/off taxels, which cannot saturate."""
         return None if self.bits == 1 else self.raw_range[0 if self.falling else 1]
 
     def to_value(self, counts: np.ndarray) -> np.ndarray:
@@ -142,8 +142,8 @@ class TpdoLayout:
     """One CAN frame of a pad's sweep.
 
     Several CAN frames may share a number and a COB-ID. CAN frames with the same number and COB-ID differ in their first
-    bytes, which contain a manufacturer-specific row number in byte 0 or, for MPDOs in source addressing mode (CiA 301),
-    node-ID, index and sub-index.
+    bytes. In a row-multiplexed TPDO, byte 0 contains a manufacturer-specific row number. In an MPDO in source
+    addressing mode (CiA 301), the first bytes contain node-ID, index and sub-index.
     """
 
     number: int  #: number of the TPDO (1 = 0x1800)
@@ -151,7 +151,7 @@ class TpdoLayout:
     mapping: tuple[MappedObject, ...]
     taxels: tuple[TaxelField, ...]
     row: int | None = None  #: byte 0 of a row-multiplexed TPDO
-    is_mpdo: bool = False  #: True for an MPDO, for which ``mapping`` is the single object in the frame
+    is_mpdo: bool = False  #: True for an MPDO; ``mapping`` is then the only object in the frame
     node: int = 0  #: number of the sending node among the pad's nodes
     key: str = ''  #: key in the layout file to show in messages
 
@@ -161,7 +161,7 @@ class TpdoLayout:
 
     @property
     def name(self) -> str:
-        """Number of the TPDO, followed by the row or object for a multiplexed TPDO."""
+        """Number of the TPDO, followed by the row or the object if the TPDO is multiplexed."""
         if self.is_mpdo:
             return f'{self.number} object {objects.ObjectAddress(self.mapping[0].index, self.mapping[0].subindex)}'
         return str(self.number) if self.row is None else f'{self.number} row {self.row}'
@@ -189,7 +189,10 @@ class TpdoLayout:
 
 @dataclass(frozen=True)
 class DomainLayout:
-    """A DOMAIN object (CiA 301) with all taxels of one sample, read by SDO, with block transfer if supported."""
+    """A DOMAIN object (CiA 301) with all taxels of one sample.
+
+    The driver reads the object by SDO, with block transfer if supported.
+    """
 
     index: int
     subindex: int
@@ -215,8 +218,8 @@ class SkinLayout:
     tpdos: tuple[TpdoLayout, ...]
     dead: tuple[tuple[int, int], ...] = ()  #: (row, col) of taxels known to be dead
     nodes: int = 1  #: number of CANopen nodes that form the pad
-    domain: DomainLayout | None = None  #: object polled by SDO, in which case ``tpdos`` is empty
-    event_driven: EventDriven | None = None  #: settings of a skin that sends without SYNC, else None
+    domain: DomainLayout | None = None  #: object polled by SDO; ``tpdos`` is then empty
+    event_driven: EventDriven | None = None  #: settings of a skin that sends without SYNC, or None for any other skin
     finger_ends: SkinSide = NO_SIDE  #: sides at which the finger does not extend beyond the skin
     unusual_pitch: bool = False  #: True if a pitch outside ``layout_rules.PITCHES`` is intended
 
@@ -237,11 +240,11 @@ class SkinLayout:
 
     @property
     def carriers(self) -> 'tuple[TpdoLayout | DomainLayout, ...]':
-        """TPDOs, or the DOMAIN, that carry the taxels of one period."""
+        """The TPDOs, or the DOMAIN, with the taxels of one period."""
         return self.tpdos if self.domain is None else (self.domain,)
 
     def of_node(self, node: int) -> 'SkinLayout':
-        """Return the part of the layout sent by node number ``node`` (from 0) of the pad."""
+        """Return the part of the layout that the pad's node number ``node`` (from 0) sends."""
         return replace(self, tpdos=tuple(tpdo for tpdo in self.tpdos if tpdo.node == node))
 
 

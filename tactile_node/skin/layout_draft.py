@@ -21,7 +21,7 @@ class EdsTpdo:
     number: int
     cob_id: objects.CobId | None  #: COB-ID of the TPDO, or None if the EDS does not contain one
     mapping: tuple[MappedObject, ...]
-    unknown: int   #: number of mapped objects that the EDS counts but does not identify
+    unknown: int   #: number of mapped objects that the EDS includes in the count but does not identify
     is_mpdo: bool  #: True for source addressing mode, in which the TPDO has no fixed mapping
 
 
@@ -73,12 +73,12 @@ def _cob_id(dictionary: ObjectDictionary, index: int, node_id: int) -> objects.C
 FILL_IN = 'FILL IN'     #: marks a value that no EDS contains
 GUESS = 'GUESS'         #: marks a value that this EDS does not contain
 MAX_BITS = 32           #: maximum number of bits per taxel
-TAXELS_IN_LINE = 6      #: number of taxels per line of a list
+TAXELS_IN_LINE = 6      #: number of taxels in each line of a list
 
 
 @dataclass(frozen=True)
 class Known:
-    """Properties of the skin that the user knows. A property that is None is guessed."""
+    """Properties of the skin that the user has given. A property that is None is guessed."""
 
     rows: int | None = None
     cols: int | None = None
@@ -104,7 +104,7 @@ def draft(dictionary: ObjectDictionary, node_id: int, eds: str, known: Known) ->
     eds
         Name of the EDS.
     known
-        Properties of the skin that the user knows.
+        Properties of the skin that the user has given.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def _commonest_width(tpdos: list[EdsTpdo], eds: str) -> int:
 
 
 def _starts(mapping: tuple[MappedObject, ...], bits: int, *, is_packed: bool) -> list[int]:
-    """Return the start bits of the taxels: one per object of ``bits`` bits or, if packed, every ``bits`` bits."""
+    """Return the start bits of the taxels: one for each object of ``bits`` bits, or every ``bits`` bits if packed."""
     total = min(sum(mapped.bits for mapped in mapping), objects.MAX_PDO_BITS)
     if is_packed:
         return list(range(0, total - bits + 1, bits))

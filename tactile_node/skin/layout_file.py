@@ -177,7 +177,7 @@ def _value_format(section: Section) -> ValueFormat:
 
 
 def _domain(top: Section, rows: int, cols: int) -> DomainLayout | None:
-    """Read ``domain``, which gives the object and the order of its taxels (row by row or column by column)."""
+    """Read ``domain``, which specifies the object and the order of its taxels (row by row or column by column)."""
     if top.take('domain', None) is None:
         return None
     section = top.section('domain')
@@ -219,7 +219,7 @@ def _tpdos(section: Section) -> tuple[TpdoLayout, ...]:
 
 
 def _repeats(run: Section, most: int) -> list[tuple[int, int]]:
-    """Read ``count`` and ``step``, and return the offset [row, col] of each frame's taxels from the first frame."""
+    """Read ``count`` and ``step``. Return the offset [row, col] of each frame's taxels relative to the first frame."""
     count = run.integer('count', 1, most)
     down, right = run.integers('step', 2, -MAX_SIDE, MAX_SIDE)
     run.done()

@@ -11,7 +11,7 @@ from tactile_node.skin.layout import DomainLayout, EventDriven, SkinLayout, Tpdo
 
 
 def collect_errors(checks: Iterable[Callable[[], object]]) -> list[ConfigurationError]:
-    """Run every check, and return the errors that the checks raise."""
+    """Run every check, and return the errors raised."""
     found = []
     for check in checks:
         try:
@@ -21,7 +21,7 @@ def collect_errors(checks: Iterable[Callable[[], object]]) -> list[Configuration
     return found
 
 
-PITCHES = 0.0003, 0.025  #: smallest and largest usual pitch [m]; skins on the market lie well within this range
+PITCHES = 0.0003, 0.025  #: smallest and largest usual pitch [m]; commercial skins lie well within this range
 
 
 def layout_checks(layout: SkinLayout) -> Iterator[Callable[[], None]]:

@@ -92,7 +92,7 @@ def decode_value(name: str, data: bytes) -> Value:
 
 
 def find_named(dictionary: ObjectDictionary, name: str) -> list[ObjectAddress]:
-    """Return the addresses of all values with this name, such as 'Identity.Vendor-ID' or 'Vendor-ID', ignoring case."""
+    """Return the addresses of all values with a name such as 'Identity.Vendor-ID' or 'Vendor-ID'. Case is ignored."""
     wanted = name.strip().lower()
     return [ObjectAddress(variable.index, variable.subindex) for variable in _variables(dictionary)
             if wanted in (variable.qualname.lower(), variable.name.lower())]

@@ -1,4 +1,4 @@
-"""The pads of one CAN bus with their names, node-IDs, layouts and EDS, and the check that they can share the bus."""
+"""Describe the pads of one CAN bus (names, node-IDs, layouts and EDS), and check that they can share the bus."""
 
 import itertools
 from collections.abc import Sequence
@@ -71,7 +71,7 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
     Raises
     ------
     ConfigurationError
-        Raised if a layout is invalid, or if the numbers of layouts, node-IDs and names do not match.
+        Raised if a layout is invalid, or if the numbers of layouts, node-IDs and names are inconsistent.
 
     Examples
     --------
@@ -103,8 +103,8 @@ def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -
     pads
         Pads without an EDS.
     eds
-        EDS of each pad, or one EDS for all pads. The EDS is read for each node of a pad. '' means the layout's name
-        with the suffix .eds.
+        EDS of each pad, or one EDS for all pads. '' means the layout's name with the suffix .eds. The EDS is read
+        separately for each node of a pad.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def with_dictionaries(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -
 
 
 def identities_of(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> dict[str, Identity]:
-    """Return the identity in the EDS of each pad, by pad name.
+    """Return the identity from each pad's EDS, by pad name.
 
     Pads without an EDS next to the layout are omitted, because a log needs no EDS.
 
@@ -137,7 +137,7 @@ def identities_of(pads: Sequence[PadSettings], eds: Sequence[str] = ('',)) -> di
 
 
 def check_node_ids(pad: PadSettings) -> None:
-    """Raise ConfigurationError if a node-ID is out of range, or if the layout has another number of nodes."""
+    """Raise ConfigurationError if a node-ID is out of range, or if the number of node-IDs does not match the layout."""
     for node_id in pad.node_ids:
         if not MIN_NODE_ID <= node_id <= MAX_NODE_ID:
             raise ConfigurationError(f'pad {pad.name!r}', expected=f'a node-ID {MIN_NODE_ID}..{MAX_NODE_ID}',
@@ -151,7 +151,7 @@ def one_for_each(what: str, given: Sequence[str], pads: Sequence[object]) -> lis
     """Return one value per pad. Raises ConfigurationError unless ``given`` has a single value or one value per pad."""
     if len(given) not in (1, len(pads)):
         raise ConfigurationError(what, expected=f'one value, or one for each of the {len(pads)} pads',
-                                 got=str(list(given)), remedy='Give as many values as pads.')
+                                 got=str(list(given)), remedy='Give one value for each pad.')
     return list(given) * (len(pads) if len(given) == 1 else 1)
 
 
@@ -219,6 +219,6 @@ def _check_names_and_sync(pads: tuple[PadSettings, ...]) -> None:
                                      remedy=f'Give every pad its own {key}.')
     syncs = {pad.layout.sync_cob_id for pad in pads}
     if len(syncs) > 1:
-        raise ConfigurationError('pads', expected='one SYNC COB-ID on a bus',
+        raise ConfigurationError('pads', expected='a single COB-ID for SYNC on the bus',
                                  got=', '.join(map(hex, sorted(syncs))),
                                  remedy='Use the same sync_cob_id in all layouts.')

@@ -1,4 +1,7 @@
-"""Check a TaxelArray from a topic or a bag before use, and the fields that TaxelArray shares with other messages."""
+"""Check a TaxelArray from a topic or a bag before it is used.
+
+Other messages with the same fields share some of these checks.
+"""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +14,7 @@ from tactile_node.skin.layout import MAX_SIDE
 from tactile_node.taxel_frame import PRESS_BY_UNIT, SkinSide, TaxelStatus
 
 NANOSECONDS = 10**9
-#: mask that is True at each `TaxelStatus` code that implies a value
+#: mask that is True for each `TaxelStatus` code that implies a value
 GIVES_VALUE = np.isin(np.arange(256), (TaxelStatus.VALID, TaxelStatus.SATURATED))
 
 
@@ -31,17 +34,17 @@ class RejectReason(IntEnum):
     TOO_LARGE = 3  #: the message has more rows, columns or features than any skin
     WRONG_LENGTH = 4  #: the length of an array does not match rows * cols, the classes or the element names
     WRONG_PITCH = 5  #: the pitch is not a length > 0
-    UNKNOWN_CODE = 6  #: a number is not defined in its enumeration
+    UNKNOWN_CODE = 6  #: a number is not a member of its enumeration
     NOT_FINITE = 7  #: a number is NaN or infinite where a finite number is needed
     WRONG_PROBABILITIES = 8  #: a probability is not in 0...1, or the sum of the probabilities is not 1
-    WRONG_STAMP = 9  #: a time is before 1970, after 2038 or has 10^9 ns or more, or a duration is negative
+    WRONG_STAMP = 9  #: a time is before 1970 or after 2038, its ns field is 10^9 or more, or a duration is negative
     INCONSISTENT = 10  #: fields of the message contradict each other
     PROCESSING_FAILED = 11  #: the message passed the checks, but processing the message raised an error
     MISSING_JOINT = 12  #: a joint needed to compute the gripper opening is missing
-    IMPLAUSIBLE_OPENING = 13  #: the opening is impossible for a gripper, because the sign, scale or offset is wrong
-    STAMP_AHEAD = 14  #: the stamp is far ahead of earlier stamps, because of a wrong message or a clock set forward
-    WRONG_SEQUENCE = 15  #: the sequence number is higher than possible so far
-    OTHER_TYPE = 16  #: a publisher uses another version of the message, so values are read from the wrong places
+    IMPLAUSIBLE_OPENING = 13  #: the computed opening is impossible for a gripper, so the sign, scale or offset is wrong
+    STAMP_AHEAD = 14  #: the stamp is far ahead of earlier stamps: it is wrong, or the clock was set forward
+    WRONG_SEQUENCE = 15  #: the sequence number is higher than it can be by now
+    OTHER_TYPE = 16  #: a publisher uses another version of the message, so the fields would be misread
     OTHER_SOURCE = 17  #: two sources publish on the topic, and it is unknown which source is correct
 
     @property
@@ -51,7 +54,7 @@ class RejectReason(IntEnum):
 
 
 def check_taxel_array(message: Any) -> RejectReason | None:
-    """Return the reason why a TaxelArray must be dropped, or None if it can be used.
+    """Return the reason for dropping a TaxelArray, or None if it can be used.
 
     The function checks sizes, unit, pitch, codes and stamps. A taxel must have a finite value if and only if its status
     code says so. Fields that are missing in the message definition of a bag are treated as not known.
@@ -91,8 +94,8 @@ def check_codes(codes: Sequence[int], last: int) -> RejectReason | None:
 def check_taxels(values: Sequence[float], status: Sequence[int]) -> RejectReason | None:
     """Check that a taxel has a value if and only if its status code says so.
 
-    Without this check, a value with a status code for no value would be used, and NaN with VALID would look like an
-    error of this package.
+    Without this check, a value whose status code means "no value" would be used, and NaN with the code VALID would look
+    like an error in this package.
     """
     numbers = np.asarray(values, np.float32)
     if np.isinf(numbers).any():
@@ -102,14 +105,14 @@ def check_taxels(values: Sequence[float], status: Sequence[int]) -> RejectReason
 
 
 def check_layer(depth: float, deviation: float) -> RejectReason | None:
-    """Check the depth of the taxels [m], 0 if not known. A depth without a deviation would appear to be exact."""
+    """Check the depth of the taxels [m], which is 0 if unknown. A depth without a deviation would seem to be exact."""
     if not (math.isfinite(depth) and math.isfinite(deviation)):
         return RejectReason.NOT_FINITE
     return None if depth > 0 and deviation > 0 or depth == deviation == 0 else RejectReason.INCONSISTENT
 
 
 def check_sides(sides: int) -> RejectReason | None:
-    """Check that a set of sides contains only the four known sides."""
+    """Check that a set of sides contains no side other than the four known ones."""
     return RejectReason.UNKNOWN_CODE if sides > sum(SkinSide) else None
 
 
@@ -119,7 +122,7 @@ def check_finite(*numbers: float) -> RejectReason | None:
 
 
 def check_time(time: Time) -> RejectReason | None:
-    """Check that a stamp is from 1970 to 2038."""
+    """Check that a stamp lies between 1970 and 2038."""
     return None if 0 <= time.sec < 2**31 - 1 and time.nanosec < NANOSECONDS else RejectReason.WRONG_STAMP
 
 

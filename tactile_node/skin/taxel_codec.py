@@ -1,4 +1,4 @@
-"""Convert payloads of a pad's TPDOs or DOMAIN into taxel values and back, for all taxels at once."""
+"""Convert the payloads of a pad's TPDOs or DOMAIN into taxel values and back, for all taxels at once."""
 
 from collections.abc import Iterable
 
@@ -36,7 +36,7 @@ class TaxelCodec:
         self._shape = layout.rows, layout.cols
         self._value = layout.value
         self._rank = np.array([rank for rank, _ in fields], np.intp)
-        self._first = starts // 8  # first byte of each field, which spans at most 8 bytes
+        self._first = starts // 8  # first byte of each field; a field spans at most 8 bytes
         bit = (starts % 8).astype(np.uint64)
         self._shift = np.uint64(64 - bits) - bit if big else bit
         self._taxel = np.array([f.row * layout.cols + f.col for _, f in fields], np.intp)
@@ -55,7 +55,7 @@ class TaxelCodec:
         Parameters
         ----------
         payload
-            Payloads of all TPDOs, or the DOMAIN.
+            Payloads of all TPDOs, or of the DOMAIN.
         fresh
             Shape (TPDOs,), True for each TPDO whose payload belongs to the current period. Taxels in all other TPDOs
             get the value NaN and the status STALE.

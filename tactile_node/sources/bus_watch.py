@@ -22,8 +22,8 @@ class OverloadWatch:
     put
         Queues a call on the assembler's thread, behind the messages received so far.
     limit
-        Delay above which the process counts as overloaded [s]. The overload ends when no sign of overload has been seen
-        for 2 ``limit``.
+        Delay above which the process counts as overloaded [s]. The overload ends after 2 ``limit`` without any sign of
+        overload.
     """
 
     def __init__(self, put: Callable[[Callable[[], None]], None], limit: float):
@@ -35,10 +35,10 @@ class OverloadWatch:
         self._seen = -float('inf')  # time of the last sign of overload
         self._excused = -float('inf')  # time of the last long wait for another thread
         self.ran_again = 0.0  #: time when the last stall, or long wait for another thread, ended
-        self.stalls = 0  #: number of times that this process did not run for more than ``limit``
+        self.stalls = 0  #: number of times that this process was stalled for more than ``limit``
 
     def restart(self) -> None:
-        """Forget the pending call, because the bus was closed."""
+        """Forget the pending call, because the bus has been closed."""
         self._put_at = None
 
     def woke(self, now: float, late: float) -> None:
@@ -49,9 +49,9 @@ class OverloadWatch:
             self._see(Overload.STALLED, now)
 
     def waited(self, now: float, since: float) -> None:
-        """Record that this process waited ``since`` [s] for another thread, and may not have run during that time.
+        """Record that this process waited ``since`` [s] for another thread, and may not have run meanwhile.
 
-        A wait for another thread is no overload, but counts and periods cannot be measured during the wait.
+        Waiting for another thread is not overload, but counts and periods cannot be measured during the wait.
         """
         if since > self.limit:
             self._excused = self.ran_again = now
@@ -86,8 +86,8 @@ class SyncWatch:
     """Checks the SYNC messages on the bus. The driver does not receive the SYNCs that it sends.
 
     If this driver produces SYNC, every received SYNC comes from another producer. If another device produces SYNC, the
-    watch measures the period of the received SYNCs. The period counts as wrong if it is wrong in two consecutive
-    windows, because the first window may begin before the producer starts.
+    watch measures the period of the received SYNCs. The period counts as wrong only after two consecutive windows with
+    a wrong period, because the first window may begin before the producer starts.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class SyncWatch:
             self._was_other = False
             return  # the node monitors report a missing SYNC
         period = (now - begun) / (received - before)
-        is_other = abs(period - self._period) > 0.2 * self._period  # 20 SYNCs give the period to 5 %
+        is_other = abs(period - self._period) > 0.2 * self._period  # 20 SYNCs give the period to within 5 %
         fault = SyncFault.OTHER_PERIOD if is_other and self._was_other else SyncFault.NONE
         self.state, self._was_other = SyncState(fault, period=period), is_other
 
@@ -155,7 +155,7 @@ class BusWatch:
     put
         Queues a call on the assembler's thread.
     data_timeout
-        Maximum time for which a node may send no data [s].
+        Maximum time for which a node may go without sending data [s].
     """
 
     def __init__(self, settings: BusSettings, pads: Sequence[LivePad], monitor: BusMonitor,

@@ -56,7 +56,7 @@ class LogSource:
     on_message
         Called with each CAN frame before it is played.
     window
-        Part of the log to play. Frames before this part are not checked.
+        Part of the log to play. CAN frames before this part are not checked.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class LogSource:
     finished
         Event that is set when playback has ended or failed.
     failure
-        Reason why the log could not be played to its end, or None.
+        Reason why the log could not be played to the end, or None.
 
     Raises
     ------
@@ -104,7 +104,7 @@ class LogSource:
             return
         self.finished.clear()
         messages = self._all_messages()
-        # reads one message, so that `open` raises LogError
+        # reads one message, so that `open` raises LogError for an unreadable log
         self._messages = itertools.chain([next(messages)], messages)
         logger.info('Playing %s.', self._path)
 
@@ -125,7 +125,7 @@ class LogSource:
         self._messages = None
 
     def age(self, stamp: float) -> float:
-        """Return the time since ``stamp`` was played [s], or a lower bound if that was long ago."""
+        """Return the time since ``stamp`` was played [s], or a lower bound for stamps played long ago."""
         return self._played.age(stamp)
 
     def auto_zero(self, pad: str) -> int:
@@ -172,8 +172,8 @@ class LogSource:
     def _past_gaps(self) -> Iterator[can.Message]:
         """Yield the messages, and end the SYNC period at each gap.
 
-        If the SYNC after a gap is lost, TPDOs after the gap could otherwise complete the sweep before the gap. The
-        reader looks ahead by one message, so a gap lies before this message or before the next message.
+        Even if the SYNC after a gap is lost, TPDOs after the gap must not complete the sweep from before the gap.
+        The reader looks ahead by one message, so a gap lies before either this message or the next one.
         """
         known = near = 0
         for message in self.reader:
@@ -217,7 +217,7 @@ class LogSource:
         """Raise LogError for a second bus or a contradiction.
 
         Without this check, two skins with the same node-ID on two buses would be merged, and a different mapping would
-        put taxels in wrong places.
+        put taxels in the wrong places.
         """
         if (buses := self._one_bus.feed(message)) is not None:
             raise LogError(self._path, expected='CAN frames of the pads and SYNC on one bus',
@@ -251,7 +251,7 @@ UNREAD_EXIT = 3  #: exit code if the only problem is an unreadable part of the l
 
 
 def summary(statistics: BusStatistics) -> str:
-    """Return a table of the published taxel frames and of how each CAN frame was used or lost."""
+    """Return a table that counts the published taxel frames, and the used and the lost CAN frames."""
     lines = []
     for name, pad in statistics.pads.items():
         fates = {'used': pad.used} | {reason.key: count for reason, count in pad.losses.items() if count}

@@ -45,7 +45,7 @@ class NodeMonitor:
     def __init__(self, node: CanopenNode, monitor: BusMonitor, heartbeat_timeout: float, data_timeout: float):
         self.node = node
         self._heartbeat_time: float | None = None  # heartbeat time of the device [s], or None if unknown
-        self._heartbeat_writes = 0  # number of heartbeat time writes by other masters before the node was configured
+        self._heartbeat_writes = 0  # number of writes to the heartbeat time by other masters before the configuration
         self._monitor = monitor
         self._heard = monitor.heartbeats.of(node.node_id)
         self.set_timeouts(heartbeat_timeout, data_timeout)
@@ -60,7 +60,7 @@ class NodeMonitor:
         self._emergencies_reported = 0
         self._configured: Setup | None = None
         self.trusted_from = 0.0  #: time before which the node's TPDOs may not match the layout
-        self._since = 0.0  # time when the bus was opened, or when this process ran again
+        self._since = 0.0  # time when the bus was opened, or when this process resumed after a stall
         self._excuses = 0  # number of stalls since the last message of the node
         self._commanded = 0.0  # time of the last command
         self._sync_at = 0.0
@@ -70,7 +70,7 @@ class NodeMonitor:
         self._syncs = 0
         self._is_overloaded = False
         self.traffic = NodeTraffic(node, self._heard)
-        #: errors that the node reported because it does not become OPERATIONAL
+        #: errors that the node reported when it did not become OPERATIONAL
         self.device_errors: DeviceErrors | None = None
         self.refuses_while_it_sends = False  #: True if the node refuses to be configured while it sends TPDOs
 
@@ -95,7 +95,7 @@ class NodeMonitor:
         return self._configured == self.setup
 
     def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
-        """Return the node's TPDOs, or DOMAIN, whose values in ``frame`` may not match the layout."""
+        """Return those of the node's TPDOs (or its DOMAIN) whose values in ``frame`` may not match the layout."""
         carriers, ages = self.node.layout.carriers, frame.tpdo_ages
         if not self.is_trusted or self.traffic.are_two:
             return carriers
@@ -105,7 +105,7 @@ class NodeMonitor:
                 if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self.trusted_from]
 
     def expect(self, now: float) -> None:
-        """Record that the bus was opened, so the node must be configured and is expected to send."""
+        """Record that the bus was opened. From now on, the node must be configured and is expected to send."""
         self._since = now
         self._configured = None
         self.traffic.restart(now)
@@ -131,11 +131,11 @@ class NodeMonitor:
         self.refuses_while_it_sends = False
 
     def distrust(self) -> None:
-        """Use no data from the node until it is configured, because its TPDOs may not match the layout."""
+        """Ignore data from the node until it has been configured, because its TPDOs may not match the layout."""
         self._configured = None
 
     def commanded(self, now: float, pad: PadStatistics) -> None:
-        """Record that the node was started, or that its taxels are expected from now on for another reason."""
+        """Record that taxels are expected from now on, because the node was started or for another reason."""
         self._commanded = now
         self.data_at = now
         self._sync_at = now
@@ -199,7 +199,7 @@ class NodeMonitor:
             device_errors=self.device_errors)
 
     def _excuse_silence(self, ran_again: float) -> None:
-        """Ignore silence before this process ran again, unless many stalls have passed without a message."""
+        """Ignore silence from before this process resumed, unless there have been many stalls without a message."""
         if ran_again > self._since:
             was_heard = (self._heard.heard or 0.0) > self._since
             self._excuses = 0 if was_heard else self._excuses + 1
@@ -223,7 +223,8 @@ class NodeMonitor:
                 return NodeFault.UNCONFIGURED
             return NodeFault.RECONFIGURED if self._configured.boots == self.boots else NodeFault.BOOTED
         has_data = is_active and (now - self.data_at <= self._data_timeout or self._is_overloaded)
-        if is_silent:  # heartbeat and data may have stopped together, so data must be newer than half of the timeout
+        # the heartbeat and the data may have stopped together, so the data must be newer than half the timeout
+        if is_silent:
             has_still = now - self.data_at <= self._data_timeout / 2 or self._is_overloaded
             return NodeFault.NO_HEARTBEAT if is_active and has_still else NodeFault.SILENT
         # A node may take three heartbeat times, but at least 0.3 s, to execute a command and report its new state.

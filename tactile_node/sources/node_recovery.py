@@ -1,4 +1,4 @@
-"""Configure the nodes of a bus, log their faults, and reconfigure and restart nodes after a fault."""
+"""Configure the nodes of a bus and log their faults. After a fault, reconfigure and restart the node."""
 
 import logging
 import time
@@ -32,8 +32,8 @@ WAITED_FOR = (NodeFault.NO_SYNC, NodeFault.TWO_SENDERS)  #: faults that no reque
 class NodeRecovery:
     """Configures and recovers the nodes of a bus. Only one thread at a time may use this class.
 
-    Nodes are configured in parallel. An SDO transfer mostly waits for its device, and an absent device must not delay
-    other devices.
+    Nodes are configured in parallel. An SDO transfer spends most of its time waiting for the device, and an absent
+    device must not delay other devices.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class NodeRecovery:
             logger.error('%s The other nodes continue. This node joins when it answers.', error, extra={'fact': error})
 
     def attend(self, now: float, is_active: bool, statistics: BusStatistics, bus: BusSeen) -> bool:
-        """Detect and log the faults of the nodes, and recover from the faults.
+        """Detect and log the faults of the nodes, and recover from them.
 
         Parameters
         ----------
@@ -165,7 +165,7 @@ class NodeRecovery:
                          extra={'fact': monitor.device_errors})
 
     def _configure(self, monitor: NodeMonitor, timeout: float, tries: int = 1, pause: bool = True) -> None:
-        """Configure a node. If the node restarts meanwhile, try again, up to ``tries`` times in total."""
+        """Configure a node. If the node restarts in the meantime, try again, up to ``tries`` times in total."""
         for _ in range(tries):
             setup = monitor.setup
             heartbeat_time = self._bus.configure_node(monitor.node, timeout, pause)

@@ -43,7 +43,7 @@ class CountWindow:
 
 
 class MissingTpdos:
-    """Finds the TPDOs whose counts have not increased for ``timeout`` [s] while counts of other TPDOs have.
+    """Finds the TPDOs whose counts have not increased for ``timeout`` [s], although those of other TPDOs have.
 
     >>> watch = MissingTpdos()
     >>> watch.update(0.0, (1, 1), 0.5), watch.update(0.4, (5, 1), 0.5), watch.update(0.6, (7, 1), 0.5)
@@ -73,8 +73,8 @@ class MissingTpdos:
 class SurplusTpdos(CountWindow):
     """Finds the TPDOs that arrive more often than SYNC. A single device sends each TPDO once per SYNC.
 
-    The TPDOs received in the last 2 ``delay`` [s] are compared with the SYNCs of the last 3 ``delay``, because an
-    adapter may deliver CAN frames late by up to ``delay``.
+    An adapter may deliver CAN frames up to ``delay`` [s] late. Therefore the TPDOs received in the last 2 ``delay`` are
+    compared with the SYNCs of the last 3 ``delay``.
     """
 
     def update(self, now: float, syncs: int, received: Sequence[int], delay: float) -> tuple[int, ...]:
@@ -82,7 +82,7 @@ class SurplusTpdos(CountWindow):
         self.look(now, (syncs, *received), delay / LOOKS_IN_WINDOW, 3 * delay)
         looks = self._looks
         _, (_, *then) = next(look for look in looks if now - look[0] <= 2 * delay or look is looks[-1])
-        allowed = syncs - looks[0][1][0] + 3  # 3 TPDOs may be pending in a device or adapter at the start
+        allowed = syncs - looks[0][1][0] + 3  # at the start, 3 TPDOs may still be pending in a device or adapter
         return tuple(place for place, (count, before) in enumerate(zip(received, then))
                      if count - before > allowed)
 
@@ -115,7 +115,7 @@ class HeartbeatWatch(CountWindow):
 
 
 class BusSeen(NamedTuple):
-    """Counts of bus messages so far that do not concern taxels."""
+    """SYNC counts of the bus so far, and the overload of this process."""
 
     syncs: int
     foreign_syncs: int = 0  #: number of SYNCs from other devices while this driver produces SYNC
@@ -130,8 +130,8 @@ class NodeTraffic:
     """Evaluates the counts of one node.
 
     Only one thread at a time may use this class, but any thread may read ``missing``, ``surplus`` and ``are_two``. Two
-    heartbeats in one heartbeat time, or more TPDOs with one COB-ID than SYNCs, come from two devices. The node counts
-    as two devices until the signs of a second device have been absent for the time needed to detect them.
+    heartbeats within one heartbeat time are a sign of two devices, as are more TPDOs with one COB-ID than SYNCs. The
+    node counts as two devices until the signs of a second device have been absent for the time needed to detect them.
     """
 
     def __init__(self, node: CanopenNode, heard: HeardNode):
@@ -142,7 +142,7 @@ class NodeTraffic:
         self._heartbeats = HeartbeatWatch()
         self._surplus = SurplusTpdos()
         self._two_seen: float | None = None  # time when two devices were last seen
-        self._signs = 0  # number of heartbeats and TPDOs at the last evaluation
+        self._signs = 0  # total number of heartbeats and TPDOs at the last evaluation
         self._signs_at = 0.0  # time when the number of heartbeats and TPDOs last changed
         self._measured_from = 0.0  # time before which received frames may be a backlog
         self.missing: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while other TPDOs do
@@ -179,7 +179,7 @@ class NodeTraffic:
         heartbeat_time
             Heartbeat time of the device [s], or None if unknown.
         delay
-            Time without data that is tolerated [s].
+            Maximum tolerated time without data [s].
         """
         sends = is_active and self._node.layout.needs_sync
         missing = self.tpdos.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
@@ -202,12 +202,12 @@ class NodeTraffic:
         return tuple(self._tpdos[place] for place in places)
 
     def _forget_counts(self) -> None:
-        """Forget the earlier counts, because a comparison with them would be wrong."""
+        """Forget the earlier counts, because comparing with them would give a wrong result."""
         self._heartbeats.restart()
         self._surplus.restart()
 
     def _look_at_heartbeats(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> None:
-        """Look for doubled heartbeats. A ``period`` of 0 means that the heartbeat time is 0 or unknown."""
+        """Look for duplicate heartbeats. ``period`` is 0 if the heartbeat time is 0 or unknown."""
         if not period:
             self._heartbeats.restart()
         if period and self._heartbeats.is_doubled(now, heartbeats, guarded, period, delay):

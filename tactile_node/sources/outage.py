@@ -4,7 +4,7 @@ from typing import Generic
 
 from tactile_node.assembly.health import Cause, NodeFault, Outages
 
-LAST_RETRY = 0.5  #: maximum pause between attempts [s], so that recovery soon follows the end of the cause
+LAST_RETRY = 0.5  #: maximum pause between attempts [s], short enough that recovery soon follows the end of the cause
 
 
 class OutageClock(Generic[Cause]):
@@ -74,15 +74,15 @@ class Backoff:
 
 #: time without a fault after which a RECURRING fault counts as new [s]
 SETTLING_TIME = 10.0
-#: faults whose recovery may not help, but disturbs a working part of the node or the bus
+#: faults for which a recovery attempt disturbs a working part of the node or the bus, and may not help
 RECURRING = (NodeFault.RECONFIGURED, NodeFault.TPDO_MISSING, NodeFault.NO_HEARTBEAT)
 
 
 class Attempts(Backoff):
     """Decides when to attempt recovery from a node's fault: immediately if it is new, then at growing intervals.
 
-    A RECURRING fault that returns soon after an attempt counts as the same fault, because two masters may write to the
-    same object in turn.
+    A RECURRING fault that returns soon after an attempt counts as the same fault, because two masters may be
+    overwriting the same object in turn.
 
     >>> attempts = Attempts()
     >>> for now in (0.0, 1.0, 2.0):
@@ -110,11 +110,12 @@ class Attempts(Backoff):
         """Record an attempt to recover from the fault."""
         self._last = now
         self.count += 1
-        # An attempt for a RECURRING fault interrupts the node's taxels or loads the bus, and has not helped so far.
+        # A recovery attempt for a RECURRING fault interrupts the node's taxels or loads the bus, and earlier attempts
+        # did not help.
         self.attempted(now, 30.0 if self._fault in RECURRING else LAST_RETRY)
 
     def has_ended(self, now: float) -> bool:
-        """Return True if the next fault counts as new. Call this method only while there is no fault."""
+        """Return True if the next fault would count as new. Call this method only while there is no fault."""
         if self._fault in RECURRING and now - self._last < SETTLING_TIME:
             return False
         self._fault = NodeFault.NONE

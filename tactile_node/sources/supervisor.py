@@ -1,4 +1,4 @@
-"""Supervise a skin bus: detect faults of the bus and its nodes, recover from the faults, and log the waiting state.
+"""Supervise a skin bus: detect faults of the bus and its nodes, recover from them, and log what is still missing.
 
 Supervision has two levels. If a bus fails (adapter gone, network down, bus-off), the supervisor closes and reopens the
 bus, including its reception and its queue, until the bus works. If a node has restarted, is silent, is not OPERATIONAL
@@ -35,9 +35,9 @@ ROUND_PERIOD = 0.02  #: period of supervision rounds if nothing wakes the superv
 class Supervisor:
     """A SkinBus that recovers from faults. The class implements FrameSource, which defines the order of calls.
 
-    ``open``, ``configure`` and ``start`` raise the errors of SkinBus, so the caller must handle a bus or a device that
-    is missing from the beginning. However, if at least one of several nodes answers, absent nodes are only logged.
-    Absent nodes join when they answer.
+    ``open``, ``configure`` and ``start`` raise the errors of SkinBus, so the caller must handle a bus or device that is
+    missing at the start. However, if at least one of several nodes answers, absent nodes are only logged. Absent nodes
+    join when they answer.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class Supervisor:
                 ended = time.monotonic() if self._closing.is_set() else self._attend(woken - ended - ROUND_PERIOD)
 
     def _attend(self, late: float) -> float:
-        """Do one supervision round, which began ``late`` [s] after its due time. Exceptions are only logged.
+        """Run one supervision round, which began ``late`` [s] after it was due. Exceptions are logged, but not raised.
 
         Returns
         -------

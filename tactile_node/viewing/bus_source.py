@@ -22,13 +22,13 @@ from tactile_node.viewing.source import Store, ViewSource
 from tactile_node.viewing.states import PadState, facts_of
 from tactile_node.viewing.touch_finder import PadRecogniser
 
-RECOGNITION_RATE = 16.0  #: rate at which shapes are recognised [1/s]; the eye needs no higher rate
+RECOGNITION_RATE = 16.0  #: rate at which shapes are recognised [1/s]; a viewer would not notice a higher rate
 REOPEN_PERIOD = 2.0  #: delay before the bus is reopened after an error [s]
 LISTENING = 0.25    #: time to listen for the SYNC of another master [s]
 
 
 class NewestFrames:
-    """Holds only the newest frame of each pad. A newer frame replaces a frame that has not been taken."""
+    """Holds only the newest frame of each pad. A newer frame overwrites an unread frame."""
 
     def __init__(self) -> None:
         self._has_come = threading.Event()
@@ -46,7 +46,7 @@ class NewestFrames:
 
 
 class BusSource(ViewSource):
-    """A live bus that is open only from `start` to `stop`, so that an unwatched bus carries no traffic."""
+    """A live bus that is open only between `start` and `stop`, so that nothing is sent while nobody is watching."""
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: VisibilityGuard | None = None):
         self._settings, self._pads = settings, pads
@@ -119,7 +119,8 @@ FRAME_GAP = 0.5  #: gap between displayed frames above which contact tracking re
 class RecordingSource(ViewSource):
     """A recording with its own player.
 
-    The recording is read only once, beginning at the first `start`. Parts that have been read can be shown immediately.
+    The recording is read only once, beginning at the first `start`. Any part that has already been read can be shown
+    immediately.
     """
 
     def __init__(self, recording: BagRecording | LogRecording, recogniser: VisibilityGuard | None = None):
@@ -130,7 +131,7 @@ class RecordingSource(ViewSource):
         self._recogniser = recogniser or make_recogniser()
         self._recognisers: dict[str, PadRecogniser] = {}
         self._shown: dict[str, Moment] = {}
-        self._lock = threading.Lock()  # guards position and is_playing, which only this class sets
+        self._lock = threading.Lock()  # guards position and is_playing; only this class sets them
         self.position = 0.0  #: playback position [s since the start of the recording]
         self.is_playing = True
         self.player = self
@@ -141,11 +142,11 @@ class RecordingSource(ViewSource):
 
     @property
     def length(self) -> float:
-        """Length of the recording as read so far [s]."""
+        """Length of the part of the recording that has been read so far [s]."""
         return max(self._timeline.end - self._timeline.begin, 0.0)
 
     def play(self, is_playing: bool) -> None:
-        """Play or pause. Playing at the end of the recording restarts from the beginning."""
+        """Play or pause. If playback is resumed at the end of the recording, it restarts from the beginning."""
         with self._lock:
             if is_playing and self.is_complete and self.position >= self.length:
                 self.position = 0.0

@@ -34,14 +34,14 @@ def colour(share: float) -> str:
 
 
 def cells(colours: Sequence[tuple[str, np.ndarray]]) -> list[tuple[str, str]]:
-    """Return one SVG path for each colour.
+    """Return an SVG path for each colour.
 
     Row 0 is at the bottom of the picture, and each taxel is a unit square.
 
     Parameters
     ----------
     colours
-        Pairs of a colour and a mask of the taxels in that colour, bool, shape (rows, cols).
+        Colours, each paired with a mask of the taxels in that colour, bool, shape (rows, cols).
     """
     return [(fill, ''.join(f'M{first} {len(places) - 1 - row}h{length}v1h-{length}z'
                            for row, first, length in _runs(places))) for fill, places in colours if places.any()]
@@ -121,7 +121,7 @@ def _value_ticks(frame: Frame, values: Sequence[float], top: float, unit: str) -
 
 
 def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
-    """Return the indices of at most MOST_POINTS values, keeping the highest or the lowest value of each section.
+    """Return the indices of at most MOST_POINTS values: the highest or the lowest value of each section.
 
     >>> thin(np.array([3.0, 1.0]), True).tolist()
     [0, 1]
@@ -134,7 +134,7 @@ def thin(values: np.ndarray, keep_highest: bool) -> np.ndarray:
 
 
 FORCE = Frame(600, 220, 40, 10, 10, 24)
-FORCE_GAP = 0.3     #: gap in time at which the line between two points is interrupted [s]
+FORCE_GAP = 0.3     #: time between two points above which the line is interrupted [s]
 LEAST_FORCE_SCALE = 1.0   #: minimum full scale of the force axis [N]
 TIME_TICKS = -20, -15, -10, -5, 0
 

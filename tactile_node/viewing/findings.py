@@ -16,7 +16,7 @@ HIGH_LOAD = 0.9  #: bus load above which other traffic delays sweeps, as a fract
 
 @unique
 class Remark(Enum):
-    """Kinds of findings. Each value is a pair: True for a problem or False for a hint, and the sentence to show."""
+    """Kinds of findings. Each value holds True for a problem or False for a hint, and the sentence to show."""
 
     WRONG_DEVICE = True, ('Pad {where}: the SDO answers in the log show another device, or another mapping, than '
                           'layout and EDS. Its taxels are left out; see the pad.')
@@ -30,7 +30,8 @@ class Remark(Enum):
     LOST_FRAMES = True, 'Pad {where}: {number:.0f} taxel frames are missing according to their sequence numbers.'
     INCOMPLETE = True, 'Pad {where}: {number:.0f} taxel frames lack CAN frames.'
     TAXEL_GAPS = True, 'Pad {where}: {number:.0f} gaps of half a second or longer without a taxel frame.'
-    BUS_GAPS = False, '{number:.0f} gaps of half a second or longer without any CAN frame.'  # an idle bus is no problem
+    # an idle bus is not a problem
+    BUS_GAPS = False, '{number:.0f} gaps of half a second or longer without any CAN frame.'
     EMERGENCIES = True, 'Node {where} sent {number:.0f} EMCYs, which include errors.'
     BOOTED_AGAIN = True, 'Node {where} restarted during the recording; number of boot-ups: {number:.0f}.'
     TWO_VALUES = True, 'Node {where}: its identity changed. Two devices answered under this node-ID.'

@@ -1,8 +1,8 @@
 """Gate that checks each request to the web server and forwards only allowed requests.
 
 The web server behind the gate does not check requests. The gate also receives confirmations of page updates (receipts)
-from the browsers. Each page update names a URL below TAKEN_PATH, and the browser requests that URL once it has applied
-the update.
+from the browsers. Each page update contains a URL under TAKEN_PATH, which the browser requests once it has applied the
+update.
 
 The gate listens on this machine only. To view the page from another machine, forward the port with ssh. Each request
 must name this machine in its Host header. Without this check, any web page open in the browser could read the skin by
@@ -41,7 +41,7 @@ class Request(NamedTuple):
 
     @property
     def receipt(self) -> tuple[int, int] | None:
-        """Page number and update number that this request confirms, or None if the request is not a receipt."""
+        """Page number and update number confirmed by this request, or None if the request is not a receipt."""
         found = re.fullmatch(rf'{TAKEN_PATH}/(\d{{1,9}})/(\d{{1,12}})', self.target)
         return None if found is None else (int(found[1]), int(found[2]))
 
@@ -101,7 +101,7 @@ def check_request(request: Request) -> HTTPStatus | None:
 
 
 class Gate:
-    """Listens on a port of this machine and forwards allowed requests to the server, from `__init__` to `close`.
+    """Listens on a port of this machine and forwards allowed requests to the server until `close` is called.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class Gate:
     Raises
     ------
     ConfigurationError
-        Raised if the port is not free.
+        Raised if the port is already in use.
     """
 
     def __init__(self, port: int, inner: tuple[str, int], on_taken: OnTaken = lambda page, update: None):
@@ -186,7 +186,7 @@ class Gate:
 
 
 async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Copy data only as fast as the receiver accepts data, so that no backlog builds up."""
+    """Copy data only as fast as the receiver accepts it, so that no backlog builds up."""
     while data := await reader.read(PASSED_CHUNK):
         writer.write(data)
         await writer.drain()

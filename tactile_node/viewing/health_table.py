@@ -59,7 +59,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     age
         Age of the facts [s]. Facts older than OLD_STATUS_AGE are marked as old.
     before
-        Earlier facts from `HealthHistory`, and the time that has passed since then [s]. Newer losses are shown in red.
+        Earlier facts from `HealthHistory`, and their age [s]. Losses counted after the earlier facts are shown in red.
         If ``before`` is None, all losses are shown in red.
     """
     if facts is None:
@@ -83,7 +83,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
 
 
 def _counted(name: str, text: str, recent: int, span: float | None) -> tuple[str, str, bool]:
-    """Return a counter's table row with ``recent`` counts in the last ``span`` [s], or since the start if None."""
+    """Return a counter's table row, with the ``recent`` counts of the last ``span`` [s] unless ``span`` is None."""
     return name, text if span is None else f'{text} ({recent} in {span:.0f} s)', recent > 0
 
 

@@ -137,7 +137,7 @@ class LogReporter:
         statistics = source.statistics()
         if source.failure or statistics.consumer_errors:
             got = source.failure.detail.removesuffix('.') if source.failure else 'an error in a taxel frame'
-            raise LogError(self._path, expected='a log that can be played to its end', got=got,
+            raise LogError(self._path, expected='a log that can be played to the end', got=got,
                            remedy='No report was written.')
         recording = reported_file(
             self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=statistics.unread,
@@ -254,7 +254,10 @@ class BagReporter:
         self._pads[name].feed(frame)
 
     def _of_can_frames(self, stop_requested: threading.Event) -> tuple[tuple[NodeReport, ...], BusReport]:
-        """Report on nodes and bus. Frames are not counted by service, because only a layout identifies TPDOs."""
+        """Report on the nodes and the bus.
+
+        Frames are not counted by service, because only a layout identifies TPDOs.
+        """
         bus = BusRecord(self._bit_rate)
         nodes = NodeRecords({node.node_id: node.pad for node in self._status.nodes() or ()}, frozenset())
         for message in CanLogReader(self._path, self._channel, self._window):

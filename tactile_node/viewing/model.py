@@ -54,7 +54,7 @@ class Gap(NamedTuple):
 
 
 class LongestGaps:
-    """Collects the longest gaps between events in chronological order. A gap lasts at least ``least`` [s]."""
+    """Keeps the longest gaps between events, in chronological order. Gaps shorter than ``least`` [s] are ignored."""
 
     def __init__(self, least: float):
         self._least = least
@@ -113,7 +113,7 @@ class PadReport:
     unit: str
     frames: int                           #: number of taxel frames in the recording
     incomplete: int                       #: number of taxel frames with missing CAN frames
-    lost_frames: int                      #: number of lost taxel frames, from gaps in the sequence numbers
+    lost_frames: int                      #: number of lost taxel frames, derived from gaps in the sequence numbers
     period: float | None                  #: median time between two frames [s]
     gaps: LongestGaps                     #: gaps between taxel frames
     touches: TouchList
@@ -123,13 +123,13 @@ class PadReport:
     layout: str | None = None             #: name of the layout
     layout_sha256: str | None = None
     statistics: PadStatistics | None = None
-    #: reasons and numbers of lost CAN frames
+    #: number of lost CAN frames for each reason
     losses: tuple[tuple[str, int], ...] | None = None
-    #: evidence that the log comes from another device, in which case no taxels are reported
+    #: evidence that the log comes from another device; with such evidence, no taxels are reported
     contradiction: Contradiction | None = None
     #: other nodes that send the pad's COB-IDs, listed if the pad's own nodes were not heard
     strangers: tuple[int, ...] = ()
-    #: True if the taxels may belong to another pad or device, in which case they are omitted
+    #: True if the taxels are omitted because they may belong to another pad or device
     are_of_others: bool = False
 
 
@@ -143,7 +143,7 @@ class Reported(NamedTuple):
 
     stamp: float
     text: str
-    is_problem: bool  #: True if the message reports a warning or an error, rather than its end or another change
+    is_problem: bool  #: True for a warning or an error, False for the end of a problem or any other change
 
 
 @dataclass

@@ -32,7 +32,7 @@ class PadRecord:
             return
         if self._last is not None:
             self._periods.append(frame.stamp - self._last.stamp)
-            # a restarted driver begins again at sequence number 0
+            # a restarted driver starts again at sequence number 0
             self._lost += max(0, frame.sequence - self._last.sequence - 1)
         self._last = frame
         self._frames += 1
@@ -42,7 +42,7 @@ class PadRecord:
         self._touches.feed(frame)
 
     def report(self) -> PadReport:
-        """Return the report on the pad at the end of the recording."""
+        """End the last touch and return the report on the pad."""
         self._touches.end()
         return PadReport(
             self._name, *self._shape, self._pitch, self._unit, self._frames, self._incomplete, self._lost,

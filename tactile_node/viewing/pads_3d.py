@@ -1,4 +1,4 @@
-"""Show the pads in 3-D with a column for each taxel. Pairs of pads face each other like the fingers of a gripper."""
+"""Show the pads in 3-D, with a column for each taxel. Pairs of pads face each other like the fingers of a gripper."""
 
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ PLANE = Frame(30.0, 17.0, 3.2, .4, 1.4, 2.6)
 
 
 class Planes:
-    """Draws the feature planes of Volf, Dvořák and Vlček's classifier with their curves, which are loaded once."""
+    """Draws the feature planes and curves of Volf, Dvořák and Vlček's classifier, which are loaded once."""
 
     def __init__(self) -> None:
         self._planes = VolfClassifier.from_file(config_path(METHOD_FILES[VOLF])).planes
@@ -69,14 +69,17 @@ OLD_RGB = (190, 190, 190)
 IDENTITY_QUATERNION = np.array((1.0, 0.0, 0.0, 0.0), np.float32)
 #: rotation by 180 degrees about x
 TURNED_QUATERNION = np.array((0.0, 1.0, 0.0, 0.0), np.float32)
-#: corners and faces of a column with its base at 0
+#: corners and faces of a column whose base is at z = 0
 BOX_CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (-.45, .45) for x in (-.45, .45)], np.float32)
 BOX_FACES = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2),
                   (2, 4, 6), (1, 3, 5), (3, 7, 5)], np.uint32)
 
 
 class Pads3d:
-    """3-D scene in one browser, which sketches the pads on a gripper. Pads are placed in order, not as in the URDF."""
+    """3-D sketch of the pads on a gripper, for one browser.
+
+    The order of the pads, not the URDF, determines their positions.
+    """
 
     def __init__(self, client: 'ClientHandle'):
         self._client = client

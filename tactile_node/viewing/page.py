@@ -64,9 +64,10 @@ class PlayerControls:
 class Page:
     """Updates one browser from `start` to `stop`, with at most one update in flight.
 
-    Each update waits until the browser has confirmed the previous update. Therefore no data queue up for a slow
-    browser, and the browser never shows data older than one update. Data that may be marked as live are sent first and
-    alone, so that they arrive quickly. The chart, the tables and the 3-D scene follow in separate updates.
+    Each update waits until the browser has confirmed the previous update. Data therefore never queue up for a slow
+    browser, and the browser is never more than one update behind. Data that may be marked as live are sent first, in an
+    update of their own, so that they arrive quickly. The chart, the tables and the 3-D scene follow in separate
+    updates.
     """
 
     def __init__(self, client: 'ClientHandle', source: ViewSource, is_connected: Callable[[], bool],

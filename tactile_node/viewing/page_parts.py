@@ -21,7 +21,7 @@ from tactile_node.viewing.templates import environment
 if TYPE_CHECKING:
     from tactile_node.viewing.bus_source import RecordingSource
 
-OLD_AGE = 0.5          #: age from which data are marked as old [s]
+OLD_AGE = 0.5          #: age at which data are first marked as old [s]
 FRAME_TIME = 0.02      #: display time of one picture in the browser [s]
 OLD_SCENE_AGE = 1.0    #: age above which the 3-D view is marked as old [s]
 PAGE_SILENCE = 2.0  #: time without an update after which the page shows a warning [s]
@@ -49,13 +49,13 @@ class DrawnPad(NamedTuple):
 
 
 def fresh_for(pads: list[DrawnPad]) -> float | None:
-    """Return how long the browser may mark ``pads`` as live, or None if no pad is live.
+    """Return the time until which the browser may mark ``pads`` as live, or None if no pad is live.
 
     Returns
     -------
     float or None
-        Time after the browser sent its last receipt [s]. The server computes this time from the later arrival of the
-        receipt. Old data are never marked as live, even if an update is delayed.
+        Time [s], counted from the moment at which the browser sent its last receipt. The server counts from the later
+        arrival of the receipt, so old data are never marked as live, even if an update is delayed.
     """
     return min((_fresh_for(pad.age, pad.since_receipt) for pad in pads if pad.is_live), default=None)
 
@@ -65,16 +65,16 @@ def _fresh_for(age: float, since_receipt: float) -> float:
 
 
 class FullScale:
-    """Computes full scale, which is drawn in the brightest colour, from the peak of the last HELD_SCALE seconds.
+    """Computes the full scale, shown in the brightest colour, from the peak of the last HELD_SCALE seconds.
 
-    Full scale never falls below the press threshold, so that noise stays dark.
+    The full scale never falls below the press threshold, so that noise stays dark.
 
     Parameters
     ----------
     unit
         Unit of the readings.
     fixed
-        Fixed full scale, or None to compute full scale from the readings.
+        Fixed full scale, or None to compute it from the readings.
     """
 
     def __init__(self, unit: str, fixed: float | None = None):
@@ -83,12 +83,12 @@ class FullScale:
         self._peaks: deque[tuple[float, float]] = deque()
 
     def update(self, values: np.ndarray, now: float) -> float:
-        """Process readings that are displayed at the time ``now`` [s], and return full scale."""
+        """Process the readings displayed at the time ``now`` [s], and return the full scale."""
         if self._fixed:
             return self._fixed
         peak = float(np.fmax.reduce(values, axis=None, initial=self._least))  # fmax ignores NaN
         while self._peaks and (self._peaks[-1][1] <= peak or self._peaks[-1][0] > now):
-            self._peaks.pop()  # this peak can never become the largest again
+            self._peaks.pop()  # this peak can no longer become the largest
         self._peaks.append((now, peak))
         while now - self._peaks[0][0] > HELD_SCALE:
             self._peaks.popleft()
@@ -124,7 +124,7 @@ def macros() -> Any:
 
 
 def pads_html(pads: list[DrawnPad], number: int, is_recording: bool = False) -> str:
-    """Return all pads as HTML. ``number`` makes each update differ from the previous update."""
+    """Return all pads as HTML. ``number`` makes each update different from the previous one."""
     return str(macros().pads(pads, number, is_recording))
 
 
@@ -137,7 +137,7 @@ def said_of(pad: DrawnPad) -> str:
 
 
 def silence(age: float) -> str:
-    """Describe in words how long no data have been received.
+    """Describe in words how long it has been since data were received.
 
     >>> silence(3.21), silence(math.inf)
     ('no data for 3.2 s', 'age of the data not known')
@@ -151,7 +151,7 @@ def hidden_text(state: PadState) -> str:
 
 
 class PageFacts(NamedTuple):
-    """Facts about the source, and about how well the browser keeps up."""
+    """Facts about the source, and how well the browser keeps up with it."""
 
     title: str
     player: 'RecordingSource | None'  #: player of a recording, or None for live data

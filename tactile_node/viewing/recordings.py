@@ -1,4 +1,4 @@
-"""Recordings that a view can play: a bag of published taxel arrays, or a CAN log that is assembled as in the driver."""
+"""Recordings that a view can play: a bag of published taxel arrays, or a CAN log, assembled as in the driver."""
 
 import tempfile
 import threading
@@ -20,7 +20,7 @@ from tactile_node.viewing.states import BusFacts, facts_of, facts_of_status
 
 
 class _Track:
-    """Frames of one pad, with the index in memory and the taxels in a temporary file."""
+    """Frames of one pad. The index is kept in memory, and the taxels in a temporary file."""
 
     def __init__(self, shape: tuple[int, ...], pitch: float, unit: str):
         self.geometry = shape, pitch, unit
@@ -93,7 +93,7 @@ class Timeline:
         return Moment(index, track.frame(index), pitch, unit)
 
     def facts(self, time: float) -> tuple[BusFacts | None, float]:
-        """Return the newest facts at ``time`` and their age [s]. Later facts count at the last frame."""
+        """Return the newest facts at ``time`` and their age [s]. For the last frame, facts recorded later count too."""
         index = len(self._facts) - 1 if time >= self.end else bisect_right(self._fact_times, time) - 1
         return (self._facts[index], max(time - self._fact_times[index], 0.0)) if index >= 0 else (None, 0.0)
 

@@ -62,7 +62,7 @@ def page_of(report: Report) -> str:
 
 
 def count_text(ends: Ends) -> str:
-    """Return the number of entries, and the number of listed entries, as text."""
+    """Return the total number of entries as text, with the number listed if some are omitted."""
     listed = len(ends)
     return f'{ends.count}' if ends.count == listed else (
         f'{ends.count}, of which the first and last {listed} are listed')
@@ -83,7 +83,7 @@ def size_of(touch: ReportedTouch) -> str:
 
 
 def force_of(touch: ReportedTouch) -> str:
-    """Return the force as text. With on/off taxels, the force is not known."""
+    """Return the force as text. The force is not known for on/off taxels."""
     return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
 
 

@@ -21,7 +21,7 @@ LINGER_TIME = 2.0
 
 
 class ViewServer:
-    """Serves the page from `__init__` to `close`. Raises ConfigurationError if the port is in use."""
+    """Serves the page until `close` is called. Raises ConfigurationError if the port is in use."""
 
     def __init__(self, source: ViewSource, port: int = 8080, full_scale: float | None = None):
         import viser

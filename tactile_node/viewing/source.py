@@ -80,7 +80,7 @@ class Store:
             self._change(pads=dict.fromkeys(self.pads), bus=None, grasp=None, problem='')
 
     def close(self) -> None:
-        """Wake all waiting threads, and make later calls of `wait` return immediately."""
+        """Wake all waiting threads, and make later calls to `wait` return immediately."""
         with self._changed:
             self._is_closed = True
             self._changed.notify_all()
@@ -89,7 +89,7 @@ class Store:
         return self._shown
 
     def wait(self, version: int, timeout: float) -> None:
-        """Wait until there is a newer version than ``version``, but at most ``timeout`` [s]."""
+        """Wait up to ``timeout`` [s] for a version newer than ``version``."""
         with self._changed:
             self._changed.wait_for(lambda: self._shown.version > version or self._is_closed, timeout)
 
@@ -116,7 +116,7 @@ class ViewSource:
         """Raise TactileError if the source cannot be used. `check` is called once, before the first `start`."""
 
     def start(self) -> None:
-        """Start to fill the store, because a viewer is connected. Later failures are stored as the problem to show."""
+        """Start filling the store, because a viewer has connected. Later failures are stored as the problem to show."""
         raise NotImplementedError
 
     def stop(self) -> None:

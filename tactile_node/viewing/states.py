@@ -38,7 +38,7 @@ SAID_FOR = 3.0  #: time for which an event is shown [s]
 
 
 def moving_words(moving: int, speed: float, rate: float, event: int, age: float) -> str:
-    """Return the motion and the last event of a contact as text, or '' if there is nothing new.
+    """Return the motion and the last event of a contact as text, or '' if there is nothing to report.
 
     Parameters
     ----------

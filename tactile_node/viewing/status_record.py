@@ -52,7 +52,7 @@ class StatusRecord:
             self._report(stamp, status.name, level, status.message)
 
     def bus(self) -> BusReport:
-        """Return the facts about the bus. ``reported`` holds changes of level or text, or None without a message."""
+        """Return the facts about the bus. ``reported`` holds changes of level or text, or None without messages."""
         load = None
         if self._loads:
             stamps, shares = np.array(self._loads).T
@@ -76,7 +76,7 @@ class StatusRecord:
 
 
 class _Counts:
-    """Counts losses within the recording, from the driver's counters, which decrease only when the driver restarts."""
+    """Counts losses within the recording. The driver's counters decrease only when the driver restarts."""
 
     def __init__(self) -> None:
         self._last: Mapping[str, int] | None = None

@@ -27,7 +27,7 @@ class TaxelHealth:
 
     @property
     def never_changed(self) -> np.ndarray:
-        """Mask of the taxels that had a value in at least two frames, and always the same value."""
+        """Mask of the taxels that had a value in at least two frames, always the same one."""
         return (self.valued >= 2) & (self.lowest == self.highest)
 
 

@@ -40,7 +40,7 @@ def picture(taxels: np.ndarray, colour: bool) -> list[str]:
 
 
 def side_by_side(views: Sequence[PadView], colour: bool) -> list[str]:
-    """Return the lines of several pads side by side, each pad with its name above and its text below."""
+    """Return the lines of several pads side by side, each with the name of the pad above and its text below."""
     if not views:
         return []
     columns = []
@@ -89,7 +89,7 @@ LINE_PERIOD = 1.0  #: time between two lines of text [s]
 
 def show_in_terminal(source: ViewSource, stop_requested: Event, stream: TextIO | None = None,
                      full_scale: float | None = None) -> None:
-    """Show ``source`` until ``stop_requested`` is set, or until a recording has been played to its end."""
+    """Show ``source`` until ``stop_requested`` is set or a recording reaches its end."""
     stream = sys.stdout if stream is None else stream
     live, scales, height = stream.isatty(), Scales(full_scale), 0
     source.start()

@@ -9,7 +9,7 @@ only counted, because noise on single taxels looks the same. A touch ends in one
 
 A frame that hides the previously pressed taxels neither begins nor ends a touch. The finder searches every frame for a
 contact, but recognises a shape only once every RECOGNITION_PERIOD. The ROS nodes recognise as many frames as they can,
-but a report on hours of recording must not take hours.
+but a report on a recording of several hours must not take hours.
 """
 
 from collections import Counter
@@ -46,7 +46,7 @@ class PadRecogniser:
         frame
             Taxel frame of the pad.
         acquired
-            Acquisition time of the frame by the steady clock [s].
+            Acquisition time of the frame on the steady clock [s].
         """
         result = self._pipeline.follow(frame.values, self._taxels, frame.stamp, **_marks(frame))
         return PadState(self._pad, frame.stamp, acquired, frame.values, frame.status, self._taxels.pitch,
@@ -73,7 +73,7 @@ def _seen(result: StreamedContact, stamp: float) -> SeenContact:
                            stamp - event.stamp if event else np.inf))
 
 
-#: period of shape recognition in a touch [s]; recognition takes as long as the rest of a report
+#: time between two shape recognitions in a touch [s]; at this period, recognition takes as long as the rest of a report
 RECOGNITION_PERIOD = 0.1
 #: visible fraction of the last pressed taxels that ends a touch; a pad with a missing row is never fully visible
 RELEASED = 0.5
@@ -119,7 +119,7 @@ class ReportedTouchFinder:
             self._end(is_open=False)
 
     def end(self) -> None:
-        """Process the end of the recording."""
+        """End the current touch at the end of the recording."""
         self._end(is_open=True)
         self.found.keep_pictures()
 
@@ -150,7 +150,7 @@ class _OpenTouch:
         self._events: list[Event] = []
 
     def shown(self, seen: np.ndarray) -> float:
-        """Return the fraction of the last pressed taxels that are visible in the mask ``seen``, bool (rows, cols)."""
+        """Return the visible fraction of the last pressed taxels, given the mask ``seen``, bool (rows, cols)."""
         return float(seen[self._last].mean())
 
     def feed(self, stamp: float, found: FoundContact) -> None:
