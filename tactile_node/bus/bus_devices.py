@@ -172,7 +172,7 @@ class BusDevices:
         return as_set
 
     def interrupt(self) -> None:
-        """Interrupt every configuration that is running.
+        """Interrupt all configurations in progress.
 
         Any thread may call ``interrupt``; the call returns immediately.
         """
@@ -219,7 +219,7 @@ class BusDevices:
     def confirm_operational(self, node: CanopenNode, since: float) -> None:
         """Wait until a started node reports OPERATIONAL.
 
-        The timeout is ``boot_timeout``, or START_PERIOD if that is longer, plus three heartbeat times. The driver
+        The timeout is the longer of ``boot_timeout`` and START_PERIOD, plus three heartbeat times. The driver
         repeats NMT start every START_PERIOD, because the first command may be lost.
 
         Parameters
