@@ -30,8 +30,8 @@ class LeftOver:
     - The group has at most a third (REMAINING_SHARE) of the taxels of the largest contact that the taxel belonged to.
       Pieces that are close to each other count as one group.
 
-    - The group is ragged, or all of it shrank to that size within RELEASE_FRAMES. An object that leaves more slowly is
-      still a contact.
+    - The group is ragged, or all of its taxels were part of a contact that shrank to that size within RELEASE_FRAMES. A
+      contact that shrinks more slowly remains a contact.
 
     Left-over taxels become a contact again when a contact reaches them, or when a group that shrank grows by
     RETURN_GROWTH. If a taxel was pressed in the first frame, its earlier contact is unknown, so the taxel cannot be
