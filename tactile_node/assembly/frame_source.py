@@ -43,14 +43,13 @@ class PadStatistics(NamedTuple):
     pending: int  #: TPDOs that may still be used or lost
     losses: dict[LossReason, int]  #: number of TPDOs lost for each reason; read only
     withheld: int = 0  #: incomplete taxel frames that were not emitted because of ``drop_incomplete``
-    padded: int = 0  #: TPDOs with more bytes than mapped, but at most 8; only their first bytes are used
+    padded: int = 0  #: TPDOs longer than their mapping, but at most 8 bytes long; only the mapped bytes are used
     used_by_node: tuple[int, ...] = ()  #: ``used`` for each node of the pad
     syncs: int = 0  #: SYNCs that began a period
 
-    #: number of TPDOs received, without DUPLICATEs, for each node and each of its TPDOs in the order of the layout
+    #: number of TPDOs received, without DUPLICATEs, by node and by TPDO in the order of the layout
     distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()
-    #: number of TPDOs used for a taxel frame, emitted or withheld, for each node and each of its TPDOs in the order of
-    #: the layout
+    #: number of TPDOs used for a taxel frame, emitted or withheld, by node and by TPDO in the order of the layout
     fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()
     #: for each node, the order of its TPDOs if it differs from the layout, else None
     orders: tuple[TpdoOrder | None, ...] = ()

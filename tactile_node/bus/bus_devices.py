@@ -163,11 +163,11 @@ class BusDevices:
             setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
                                 is_interrupted=lambda: self._interrupts != interrupts)
             as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
-            # the answers to another client do not count
+            # answers to another client do not count
             is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests
             if is_alone and 2 * sdo.doubled > sdo.requests:
                 raise TwoDevicesError(node.label, expected='one device with this node-ID', remedy='Switch one of them '
-                                      'off, and set another node-ID on it.',
+                                      'off, and change the node-ID of the other.',
                                       got=f'a second answer to {sdo.doubled} of {sdo.requests} requests')
         return as_set
 

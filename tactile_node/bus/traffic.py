@@ -187,7 +187,7 @@ class Traffic:
             self._monitor.feed_other(message)
         elif self._monitor.feed_error(message):
             self._on_failure(BusFault.BUS_OFF, BusError(
-                'CAN controller', expected='to take part in the bus', got='bus-off',
+                'CAN controller', expected='to take part in bus traffic', got='bus-off',
                 remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
 
     def sent(self, can_id: int, data: bytes) -> None:
