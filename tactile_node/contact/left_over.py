@@ -11,9 +11,9 @@ REMAINING_SHARE = 1 / 3  #: A group can be left over if it has at most this shar
 RELEASE_FRAMES = 15
 RETURN_GROWTH = 2  #: Factor by which a left-over group must grow to count as a contact again.
 
-#: Largest gap between pieces of one contact [taxels]. Silent lines of taxels tear a contact into pieces.
+#: Largest gap between pieces of one contact [taxels]. Silent lines of taxels split a contact into pieces.
 PIECES_APART = 2
-#: Smallest share of the taxel sides in a contact that two of its taxels have in common. Left-over groups and random
+#: Smallest share of a contact's taxel sides that lie between two of its taxels. Left-over groups and random
 #: groups are ragged and have a smaller share.
 LEAST_COMPACTNESS = 0.62
 #: Time after which the history of a taxel that is no longer pressed is forgotten [frames]. A shorter time would forget

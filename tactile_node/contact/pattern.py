@@ -405,7 +405,7 @@ def _taxels(given: ArrayLike | None, shape: tuple[int, ...], name: str) -> np.nd
     taxels = np.array(given)
     if taxels.shape != shape or taxels.dtype != bool:
         raise InputError(f'{name} taxels', expected=f'bool, shape {shape}', got=f'{taxels.dtype}, shape {taxels.shape}',
-                         remedy='Pass an array of the shape of the frame, or None.')
+                         remedy='Pass an array with the shape of the frame, or None.')
     return taxels
 
 
