@@ -24,7 +24,7 @@ RELEASED_SHARE = 0.5
 APART = 3.0  #: Smallest distance between the centres of the contacts that prove that a taxel is dead [taxels].
 ALIVE = 0.1  #: A taxel that reads at least this share of the limit counts as alive.
 SIDE_DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
-JUMP_SHARE = 2.0      #: A change from one frame to the next by more than this share of the limit is a jump.
+JUMP_SHARE = 2.0      #: A change from one frame to the next by at least this multiple of the limit is a jump.
 
 #: A jump is a lone jump if no neighbour changes by this share of the limit in the same frame.
 ALONE_SHARE = 0.5
