@@ -115,7 +115,7 @@ def calibrated(worlds: list[Validation]) -> Calibration:
 def _biases(world: Validation) -> np.ndarray:
     """Return the largest permitted evidence for UNKNOWN, for each of LOG_SIZES.
 
-    The fraction of contacts that exceed this evidence is the fraction that LOSSES allows.
+    The fraction of contacts above this evidence is the fraction that LOSSES allows.
     """
     allowed = np.exp(np.interp(LOG_SIZES, np.log(list(LOSSES)), np.log(list(LOSSES.values()))))
     near = [np.abs(world.log_taxels - size) < NEAR for size in LOG_SIZES]

@@ -112,8 +112,8 @@ def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
 
 
 def recognised(classifier: VolfClassifier, samples: Samples) -> dict[str, np.ndarray]:
-    """Return the patterns, bool (n,), that the curves alone recognise correctly, and those that the probabilities
-    do."""
+    """Return the correctly recognised patterns: those recognised by the curves alone, and those by the
+    probabilities."""
     answer = answers(classifier.planes, samples)
     probable = classifier.shares[band_of(samples.of(COLUMNS[0])), answer].argmax(1)
     return {'by_curves': answer == samples.labels, 'most_probable': probable == samples.labels}

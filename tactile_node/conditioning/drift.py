@@ -17,8 +17,8 @@ class DriftFollower:
 
     The zero of the whole pad is held while any taxel reads PRESSED_SHARE x limit above its zero, and for QUIET_TIME
     afterwards. A grasp is therefore never mistaken for drift, even if it is present from the first frame. The readings
-    of the taxels around a grasp are not mistaken for drift, either. The zero is also held while any taxel that once had
-    a value has no value.
+    of the taxels around a grasp are not mistaken for drift, either. If a taxel that previously had a value has none,
+    the zero is also held.
 
     This method has two drawbacks. If the readings drift by more than PRESSED_SHARE x limit during one
     grasp, a tare is needed. A lighter touch is mistaken for drift, but changes the zero by no more than DRIFT_RATE x

@@ -67,10 +67,10 @@ class FaultDetector:
     taxels are stuck than any contact presses.
 
     - A taxel is *dead* if it was not ALIVE in CONTACTS contacts, although pressed taxels lay on both sides of it in two
-      of four directions. The centres of these contacts must be APART. If a ring is pressed at several places, it
-      therefore also presses the taxels that lay in its hole before. A taxel in the corner of a pad has no two sides, so
-      it is never found dead. Blocks of dead taxels are not found either, because a hole of more than two taxels
-      contains taxels without pressed taxels on both sides.
+      of four directions. The centres of these contacts must be APART. If a ring is pressed at several such places, it
+      also presses the taxels that lay in its hole before. A taxel in the corner of a pad has no two sides, so it is
+      never found dead. Blocks of dead taxels are not found either, because a hole of more than two taxels contains
+      taxels without pressed taxels on both sides.
 
     - A taxel is *stuck* if it was pressed at the end of CONTACTS contacts, and its value has been bit-identical since
       before the first of these contacts. A stuck taxel must be alone or have fewer stuck neighbours than a contact has

@@ -48,9 +48,9 @@ def resting_of(values: np.ndarray) -> Resting:
     """Return the level and the noise of the taxels at rest.
 
     The function clips high outliers (one-sided sigma clipping). The calculation begins with the lowest quarter of the
-    values. In each round, all values up to 2.5 standard deviations above the mean of the accepted values are added,
-    until a round adds no value. The level and the deviation are corrected for the clipping, assuming normally
-    distributed values.
+    values. Each round adds all values up to 2.5 standard deviations above the mean of the accepted values. The rounds
+    end when no value is new. The level and the deviation are corrected for the clipping, assuming normally distributed
+    values.
 
     Parameters
     ----------
