@@ -112,7 +112,7 @@ def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
 
 
 def recognised(classifier: VolfClassifier, samples: Samples) -> dict[str, np.ndarray]:
-    """Return the correctly recognised patterns: those recognised by the curves alone, and those by the
+    """Return the correctly recognised patterns, bool (n,): those recognised by the curves alone, and those by the
     probabilities."""
     answer = answers(classifier.planes, samples)
     probable = classifier.shares[band_of(samples.of(COLUMNS[0])), answer].argmax(1)
