@@ -1,6 +1,7 @@
 """Recognise contact shapes with a tactile skin.
 
-The package reports what touches an array of taxels, where it touches, how large it is, and how certain the result is.
+The package reports the shape, the place and the size of each contact on an array of taxels, and how certain the result
+is.
 
 >>> import numpy as np
 >>> import tactile_node as tn

@@ -12,7 +12,7 @@ from tactile_node.package_files import package_file
 class PhrasedCode(Enum):
     """A stable number with a phrase that states its meaning.
 
-    The phrase is a part of a sentence, without a full stop.
+    The phrase is part of a sentence and has no full stop.
     """
 
     phrase: str

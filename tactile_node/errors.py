@@ -66,7 +66,7 @@ class TwoDevicesError(DeviceError):
 
 
 class HalfZeroedError(DeviceError):
-    """Some channels of a pad have zeroed themselves, but other channels have not, or may not have done so."""
+    """Some channels of a pad have zeroed themselves, but other channels have not, or might not have."""
 
 
 class TareRefusal(IntEnum):
@@ -91,7 +91,7 @@ class TareRefusedError(TactileError):
 
 
 class RequirementRefusal(IntEnum):
-    """Reason why a requirement on a grasp, or a goal with such a requirement, was refused.
+    """Reason for refusing a requirement on a grasp, or a goal with such a requirement.
 
     CheckGrasp.srv uses the same numbers.
     """

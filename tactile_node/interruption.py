@@ -18,7 +18,8 @@ logger = logging.getLogger(__name__)
 
 @contextmanager
 def interruption() -> Iterator[threading.Event]:
-    """Yield an event that SIGINT or SIGTERM sets. The previous signal handlers are restored at the end."""
+    """Yield an event that SIGINT or SIGTERM sets. When the block ends, the function restores the previous signal
+    handlers."""
     stop_requested = threading.Event()
     before = {number: signal.signal(number, lambda *_: stop_requested.set())
               for number in (signal.SIGINT, signal.SIGTERM)}

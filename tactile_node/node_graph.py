@@ -17,7 +17,7 @@ Parameters = Mapping[str, ParameterValue]
 
 
 class Role(Enum):
-    """Task of a node. The value is the first word of the name of the node's executable."""
+    """Task of a node. The value is the first word of the executable's name."""
 
     DRIVER = 'driver'
     PROCESSOR = 'processor'
@@ -26,7 +26,7 @@ class Role(Enum):
 
 
 class Side(Enum):
-    """Host or process on which a node runs if the bus is separated from the users of the skin."""
+    """Side of the system on which a node runs, if the nodes are split between two hosts or processes."""
 
     BUS = 'bus'                #: the driver, on the host with the CAN adapter
     PERCEPTION = 'perception'  #: the other nodes, on any host, because they need neither the bus nor the layout

@@ -15,7 +15,7 @@ from tactile_node.errors import InputError
 
 @contextmanager
 def output_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator[BinaryIO]:
-    """Open a file for writing bytes. If an error occurs inside the block, the previous file remains unchanged.
+    """Open a binary file for writing. If an error occurs inside the block, the previous file remains unchanged.
 
     Devices and pipes are written directly. Links are followed.
 
@@ -63,7 +63,7 @@ def check_writable(path: str | Path, inputs: Iterable[str | Path] = (), *, force
     inputs : iterable of str or Path
         Files that must not be overwritten.
     force : bool
-        True to allow the file to exist already.
+        True to allow an existing file to be replaced.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def check_new(path: str | Path, *, force: bool) -> None:
 
 def _check_no_input(path: str | Path, inputs: Iterable[str | Path]) -> None:
     if os.path.realpath(path) in map(os.path.realpath, inputs):
-        raise InputError(f'output {str(path)!r}', expected='another file than the input', got='the input',
+        raise InputError(f'output {str(path)!r}', expected='a file other than the input', got='the input',
                          remedy='Give another path.')
 
 

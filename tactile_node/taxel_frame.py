@@ -11,8 +11,8 @@ import numpy as np
 PRESS_BY_UNIT = {'Pa': 30e3, 'N': 0.1, '1': 0.5}  #: Fixed press thresholds: 30 kPa, 0.1 N and "on".
 RELEASE_RATIO = 0.8  #: Release threshold as a share of the press threshold.
 ON_OFF_UNIT = '1'
-#: Below this value, no taxel is pressed, even if the skin is very quiet, because drift between two tares may reach this
-#: value.
+#: No taxel below this value counts as pressed, even on a very quiet skin, because drift between two tares may reach
+#: this value.
 LEAST_BY_UNIT = {'Pa': 2e3, 'N': 0.007}
 
 
@@ -23,7 +23,7 @@ def read_only(array: np.ndarray) -> np.ndarray:
 
 
 class TaxelStatus(IntEnum):
-    """Reason why a taxel has a valid value or none. TaxelArray.msg uses the same numbers."""
+    """Status of a taxel: whether its value is valid, and if not, why. TaxelArray.msg uses the same numbers."""
 
     NOT_KNOWN = 0  #: default in a message; the taxel has no value
     VALID = 1
@@ -31,7 +31,7 @@ class TaxelStatus(IntEnum):
     UNMAPPED = 3   #: the skin layout maps no TPDO field to this taxel
     DEAD = 4       #: known to be dead, either from the layout file or from the taxel's values
     SATURATED = 5  #: at the end of its range; the value is given, but is only a lower bound
-    FAULTY = 6     #: stuck or flickering, judged by the taxel's values
+    FAULTY = 6     #: stuck or flickering, according to the taxel's values
 
 
 class SkinSide(IntFlag):
@@ -72,7 +72,7 @@ class TaxelFrame(NamedTuple):
     sequence: int  #: number of SYNC periods since the driver became active; a gap means lost frames
     values: np.ndarray  #: float32, shape (rows, cols)
     status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
-    missing_can_frames: int  #: number of TPDOs of this period from which the frame has no values
+    missing_can_frames: int  #: number of TPDOs of this period whose values are missing from the frame
     tpdo_ages: TpdoAges | None = None  #: None if all values come from one sweep
 
 

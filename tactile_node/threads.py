@@ -10,7 +10,7 @@ OnDeath = Callable[[Exception], object]
 
 
 class ReportedThread(threading.Thread):
-    """A thread that logs the exception that ends it, and then calls ``on_death`` with this exception."""
+    """A thread that logs an uncaught exception and then passes it to ``on_death``."""
 
     def __init__(self, run: Callable[..., object], name: str, *args: object,
                  on_death: OnDeath = lambda error: None, daemon: bool = True):

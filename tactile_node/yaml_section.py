@@ -16,12 +16,12 @@ LARGEST_NUMBER = 1e300  #: Largest number accepted. A whole number in YAML may b
 
 #: Largest size of a file [bytes]. No pad on a CAN bus needs a larger file, and a larger file takes seconds to read.
 MOST_BYTES = 1 << 19
-SHOWN = 80           #: Largest number of characters of a value that an error message shows.
-LONGEST_SHOWN = 128  #: Largest number of bits of a whole number that an error message shows.
+SHOWN = 80           #: Number of characters after which an error message cuts off a value.
+LONGEST_SHOWN = 128  #: Largest whole number that an error message shows in full [bits].
 
 
 class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]  # libyaml: ten times faster
-    """Rejects a key that is given twice, because PyYAML would silently use the last one."""
+    """Loader that rejects duplicate keys, because PyYAML would silently use the last value."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[str] = set()
@@ -35,7 +35,7 @@ class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[mi
 
 
 def load_mapping(path: Path, about: str) -> 'Section':
-    """Return the mapping at the top of a YAML file.
+    """Return the top-level mapping of a YAML file.
 
     Parameters
     ----------
@@ -84,8 +84,8 @@ def line_of(path: Path, key: str) -> int | None:
     path : Path
         The file.
     key : str
-        Key as error messages name it, such as 'tpdos[3].taxels'. Remarks in brackets are ignored, as in 'tpdos[3] (TPDO
-        9).taxels'.
+        Key, written as in error messages, such as 'tpdos[3].taxels'. Remarks in brackets are ignored, as in 'tpdos[3]
+        (TPDO 9).taxels'.
 
     Returns
     -------
@@ -118,7 +118,7 @@ def _one_line(error: yaml.YAMLError) -> str:
 
 
 class _Short(Repr):
-    """Writes only the beginning of a value.
+    """A ``Repr`` that writes only the beginning of a value.
 
     Aliases in a small file can describe a value that does not fit into memory.
     """
@@ -128,7 +128,7 @@ class _Short(Repr):
 
 
 def shown(value: Any) -> str:
-    """Return a YAML value in the form in which error messages show it."""
+    """Return a YAML value as error messages show it."""
     return _Short().repr(value)[:SHOWN]
 
 

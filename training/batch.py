@@ -1,4 +1,4 @@
-"""Draw samples in bulk, as patches: hundreds of contacts of simulator.world and of the figure pool at a time.
+"""Draw samples in bulk, as patches. One call draws hundreds of contacts from simulator.world and the figure pool.
 
 The distributions are the same as in training.samples, which draws single contacts. The conditions ``cut``, ``second``
 and ``rounding`` cannot be drawn in bulk and are omitted. This module adds cases that never occur for contacts in
@@ -122,7 +122,7 @@ def draw_many(rng: np.random.Generator, count: int, on_off: bool, areas: tuple[f
 
 def draw_forms(rng: np.random.Generator, forms: Forms, areas: np.ndarray, on_off: bool, faulty: float = 0.15,
                pad: int = 36) -> Samples:
-    """Draw a sample of each of K figures with the given ``areas``, (K,) [taxels], near the middle of a pad."""
+    """For each of K figures, draw a sample with the given ``areas``, (K,) [taxels], near the middle of a pad."""
     count = len(areas)
     x0, y0 = rng.uniform(-0.5, 0.5, (2, count)) + (pad - 1) / 2
     angle = rng.uniform(0, 2 * np.pi, count)
@@ -141,7 +141,7 @@ def draw_forms(rng: np.random.Generator, forms: Forms, areas: np.ndarray, on_off
 def _interpolated(images: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
     """Return linear interpolations between the four nearest cells.
 
-    Points beyond the raster count as far outside the figure.
+    Points beyond the raster are treated as far outside the figure.
     """
     last = images.shape[1] - 2
     outside = (row < 0) | (col < 0) | (row > last) | (col > last)

@@ -19,7 +19,7 @@ def _shape(rng: np.random.Generator) -> Contact:
 
 
 def _rim(rng, contact: Contact) -> tuple[np.ndarray, np.ndarray]:
-    """Return a point of the outline, and the outward direction there, as seen from the centre."""
+    """Return a point on the outline, and the direction from the centre to this point."""
     outline = contact.outline()
     k, share = rng.integers(len(outline)), rng.random()
     point = (1 - share) * outline[k] + share * outline[(k + 1) % len(outline)]

@@ -27,15 +27,15 @@ LEAST_BIAS = 0.5
 #: Range of areas [taxels], side of the pad [taxels], and number of batches. A batch has at most 250 contacts, to save
 #: memory.
 CLEAN = ((9, 60, 30, 80), (60, 130, 36, 40), (130, 500, 56, 16))
-NEAR = 0.3  #: Largest difference between the logarithms of two sizes at which contacts are evaluated together.
+NEAR = 0.3  #: Contacts are evaluated together if the logarithms of their sizes differ by at most this much.
 
 #: Number of solutions, frames and poses for contacts computed by contact mechanics.
 SOLUTIONS, FRAMES, POSES = 150, 12_000, 3
 MECHANICS_SEED, MECHANICS_AREAS = 910_000, (9.0, 250.0)
 REAL, REAL_SEED = 6000, 920_000  #: Number of contacts on real arrays, and the seed with which they are drawn.
 
-#: Pressure, noise and fraction of dead taxels in clean contacts by contact mechanics. Tilt and depth are drawn as in
-#: training.
+#: Pressure, noise and fraction of dead taxels in clean contacts computed by contact mechanics. Tilt and depth are drawn
+#: as in training.
 PRESSURE, NOISE, DEAD = (0.05, 0.8), 0.01, 0.03
 
 
@@ -68,7 +68,8 @@ def validation_solutions(folder: Path) -> list[Solution]:
 
 
 def mechanics_samples(rng: np.random.Generator, folder: Path) -> Samples:
-    """Draw clean contacts by contact mechanics, with conditions that are common in grips. The areas are log-uniform."""
+    """Draw clean contacts computed by contact mechanics, under conditions that are common in grips. The areas are
+    log-uniform."""
     solutions = validation_solutions(folder)
     found = []
     while len(found) < FRAMES:
@@ -114,7 +115,7 @@ def calibrated(worlds: list[Validation]) -> Calibration:
 def _biases(world: Validation) -> np.ndarray:
     """Return the largest permitted evidence for UNKNOWN, for each of LOG_SIZES.
 
-    Only the fraction of contacts that LOSSES allows exceeds this evidence.
+    The fraction of contacts above this evidence is the fraction that LOSSES allows.
     """
     allowed = np.exp(np.interp(LOG_SIZES, np.log(list(LOSSES)), np.log(list(LOSSES.values()))))
     near = [np.abs(world.log_taxels - size) < NEAR for size in LOG_SIZES]

@@ -20,14 +20,14 @@ from tactile_node.shape.volf import (
 from tactile_node.simulator.world import CLASSES
 from training.ground_truth.seeds import random_pattern
 
-AREAS = (13.0, 300.0)  #: Range of the areas of training patterns, log-uniform [taxels].
+AREAS = (13.0, 300.0)  #: Range of areas of the training patterns, log-uniform [taxels].
 COLUMNS = (('value', 'N'), ('dif', 'alpha9'), ('min', 'P05'), ('min', 'info_norm5'),
            ('dif', 'P05'), ('dif', 'info_norm5'))
 PASSES = 6
 KNOTS = 9
 LEVELS = 41   #: Number of heights tried at each knot, first over the whole plane, then near the best heights found.
 
-#: Price of a kink in a curve. A kink must gain this many patterns per unit of the second difference of its heights.
+#: Penalty for a kink in a curve. A kink must gain this many patterns per unit of the second difference of its heights.
 STIFF = 5.0
 #: The two interpretations of the third plane's horizontal axis in the paper.
 READINGS = {'caption': ('min', 'P05'), 'text': ('dif', 'P05')}
@@ -87,7 +87,8 @@ def fit_planes(samples: Samples, third: tuple[str, str]) -> dict[str, Plane]:
 
 
 def _gain(heights: np.ndarray, labels: np.ndarray, index: int) -> np.ndarray:
-    """Return the gain of placing each pattern above curve ``index``: 1, -1, or 0 if the side makes no difference."""
+    """Return, for each pattern, the gain if it lies above curve ``index``: 1, -1, or 0 if the side makes no
+    difference."""
     gets_there = ~(heights[:index] > 0).any(0)
     otherwise = index + 1 + by_curves(heights[index + 1:])
     gain: np.ndarray = gets_there * ((labels == index).astype(float) - (labels == otherwise))
@@ -102,7 +103,7 @@ def answers(planes: Mapping[str, Plane], samples: Samples) -> np.ndarray:
 
 def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
     """Return the share of each true class, by TAXEL_BANDS and by the answer of the curves, (bands, 5, 5)."""
-    # a small count for every class, because no class is ever quite impossible
+    # a small count for every class, because no class is ever completely impossible
     counts = np.full((len(TAXEL_BANDS), len(ANSWERS), len(ANSWERS)), 0.1)
     counts += np.eye(len(ANSWERS))  # an answer that never occurred in training counts as its own class
     np.add.at(counts, (band_of(samples.of(COLUMNS[0])), answer, samples.labels), 1)
@@ -111,7 +112,8 @@ def count_shares(answer: np.ndarray, samples: Samples) -> np.ndarray:
 
 
 def recognised(classifier: VolfClassifier, samples: Samples) -> dict[str, np.ndarray]:
-    """Return the patterns recognised correctly, bool (n,), by the curves alone and by the probabilities."""
+    """Return the correctly recognised patterns, bool (n,): those recognised by the curves alone, and those by the
+    probabilities."""
     answer = answers(classifier.planes, samples)
     probable = classifier.shares[band_of(samples.of(COLUMNS[0])), answer].argmax(1)
     return {'by_curves': answer == samples.labels, 'most_probable': probable == samples.labels}
@@ -124,11 +126,12 @@ def fit_classifier(samples: Samples, third: tuple[str, str]) -> VolfClassifier:
 
 
 def fit_curve(u: np.ndarray, v: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the knots and the heights of the chain of lines that has the greatest sum of ``gain`` above it.
+    """Return the knots and heights of the chain of lines for which the points above it have the greatest total
+    ``gain``.
 
-    ``gain``, (n,), is the number of patterns won if a point lies above the curve instead of below it. The gain is
-    negative for a loss. The heights at the knots are found by dynamic programming, so no other chain on the grid is
-    better. A second, finer grid is then placed around the result on the first grid.
+    ``gain``, (n,), is the number of additional patterns recognised if a point lies above the curve instead of below it.
+    The gain is negative for a loss. The heights at the knots are found by dynamic programming, so no other chain on the
+    grid is better. A second, finer grid is then placed around the result on the first grid.
     """
     some = gain != 0
     u, v, gain = u[some], v[some], gain[some]

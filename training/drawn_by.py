@@ -11,7 +11,7 @@ DRAWING = ('training', 'training/ground_truth',
 
 
 def claim(folder: Path) -> None:
-    """Mark a folder as drawn by this version of the code. Raise ConfigurationError if another version has drawn it.
+    """Mark the samples in a folder as drawn by this version. Raise ConfigurationError if another version drew them.
 
     Without this check, the weights could name this version although another version drew their samples or began their
     training.
@@ -21,7 +21,7 @@ def claim(folder: Path) -> None:
     if before != now:
         raise ConfigurationError(f'samples in {folder}', expected=f'those drawn by this code ({now})',
                                  got=f'those drawn by {before or "unknown code"}',
-                                 remedy='Delete the folder, or give an empty one with --samples.')
+                                 remedy='Delete the folder, or choose an empty folder with --samples.')
     folder.mkdir(parents=True, exist_ok=True)
     mark.write_text(now)
 

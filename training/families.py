@@ -2,9 +2,9 @@
 
 The families of the reported figures are not in this module or any other training module.
 
-A figure is a bool array on a grid. A figure has about unit size and lies around the origin. The place, angle and size
-of a figure are drawn later. The familiarity of a figure depends on its overlap with the five shapes (forms.py), not on
-its family. A hexagon, for example, is nearly a circle.
+A figure is a bool array on a grid. A figure has about unit size and lies around the origin. The position, angle and
+size of a figure are drawn later. The familiarity of a figure depends on its overlap with the five shapes (forms.py),
+not on its family. A hexagon, for example, is nearly a circle.
 """
 
 import numpy as np
@@ -141,7 +141,7 @@ def strokes(rng, x, y):
 
 
 def stadium(rng, x, y):
-    """Return a box with rounded corners or with cut corners.
+    """Return a box with rounded or cut corners.
 
     Rounded boxes range from nearly a rectangle to two half discs with a box between them.
     """
@@ -161,7 +161,7 @@ def oval(rng, x, y):
 
 
 def ragged(rng, x, y):
-    """Return the largest piece of filtered noise above a level. The outline of this piece follows no design."""
+    """Return the largest piece of filtered noise above a level. This piece has an arbitrary outline."""
     noise = ndimage.gaussian_filter(rng.standard_normal(x.shape), len(x) * rng.uniform(0.03, 0.12))
     noise = noise / noise.std() - rng.uniform(0.8, 2.5) * (x * x + y * y)
     labels, _ = ndimage.label(noise > rng.uniform(-0.6, 0.3))

@@ -1,6 +1,6 @@
 """Draw frames of contacts under field conditions, as a skin on a robot measures them, together with the true shape.
 
-Pressures are fractions of full scale. The benchmark measures its clean figures under the nominal conditions.
+Pressures are fractions of full scale. The benchmark uses the nominal conditions for its clean figures.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from training.ground_truth.indenters import inscribed_radius
 from training.outliers import random_outlier
 from training.variants import Hollow, Rounded
 
-THINNEST_WALL = 1.25  #: Smallest width of a rim [pitches]. A thinner rim would fall to pieces.
+THINNEST_WALL = 1.25  #: Smallest width of a rim [pitches]. A thinner rim would break into pieces.
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Conditions:
     #: fraction of taxels stuck at 0 or at the contact's pressure, but not known to be stuck
     stuck: float = 0.0
     silent_lines: int = 0         #: number of adjacent rows or columns that are silent but not known to be silent
-    silent_places: int = 1        #: number of places on the contact at which rows or columns are silent
+    silent_places: int = 1        #: number of separate silent bands of rows or columns on the contact
 
     #: fraction of rows and columns in which some taxels are silent, but not known to be silent
     poor_lines: float = 0.0
@@ -55,7 +55,8 @@ NOMINAL_ON_OFF = Conditions(on_off=True)
 
 def random_touching(rng: np.random.Generator, kind: str, area: float, conditions: Conditions,
                     rows: int = PAD, cols: int = PAD) -> Touching:
-    """Draw a contact of a ``kind`` and an ``area`` [taxels]. The contact is hollow or rounded if the conditions say so.
+    """Draw a contact with the given ``kind`` and ``area`` [taxels]. The conditions decide whether the contact is hollow
+    or rounded.
 
     The ``kind`` is a class or a kind of outlier.
     """
@@ -71,7 +72,7 @@ def random_touching(rng: np.random.Generator, kind: str, area: float, conditions
 
 def field_frame(rng: np.random.Generator, kind: str, area: float, conditions: Conditions,
                 least_side: int = PAD) -> np.ndarray:
-    """Draw a frame with one contact of a ``kind``.
+    """Draw a frame with one contact of the given ``kind``.
 
     The frame is a float array of pressures, or of 0 and 1. A dead taxel is NaN.
 

@@ -26,8 +26,8 @@ FOREIGN, KNOWN = 0.85, 0.92
 BESIDE = 0.02        #: If the overlaps of two shapes differ by less than this value, neither shape becomes the label.
 TIE = 0.005          #: Largest error of the overlaps.
 
-#: A figure is a rectangle only if its overlap with a square is smaller by at least this much. A side ratio of about 5:4
-#: or more meets this condition.
+#: A figure is labelled a rectangle only if its overlap with a square is at least this much smaller. A side ratio of
+#: about 5:4 or more meets this condition.
 LONGER = 0.15
 SQUARE, RECTANGLE = (LABELS.index(shape) for shape in ('square', 'rectangle'))
 STEPS = 250.0        #: Distances are stored as whole multiples of 1 / STEPS of the square root of the area.
@@ -37,7 +37,7 @@ THINNEST = 0.02      #: Smallest area of a figure, as a share of the raster.
 class Forms(NamedTuple):
     """F figures."""
 
-    #: int8 (F, SIDE, SIDE), distance from the outline, positive inside, in units of the square root of the area / STEPS
+    #: int8 (F, SIDE, SIDE), distance from the outline, positive inside, in units of sqrt(area) / STEPS
     distance: np.ndarray
     cell: np.ndarray      #: (F,), width of a cell [square roots of the area]
     middle: np.ndarray    #: (F, 2), x and y of the centre of area [cells]

@@ -1,6 +1,6 @@
 """Draw contacts that are only partly visible, because TPDOs are lost or rows and columns are silent.
 
-The library's segmentation decides which pressed taxels form one contact across hidden taxels.
+The library's segmentation decides which pressed taxels on both sides of hidden taxels form one contact.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from training.segmentation import as_shipped
 
 AREAS = (20.0, 160.0)     #: Range of the areas of contacts, log-uniform [taxels].
 SIDE = 16                 #: Smallest number of rows and columns of a pad.
-FOREIGN = 0.15            #: Fraction of the contacts that have none of the five shapes.
+FOREIGN = 0.15            #: Fraction of the contacts whose shape is none of the five.
 FAULTY = 0.15             #: Fraction of the frames that also have another fault.
 WIDTHS = (2, 4, 8)        #: Number of taxels in a TPDO, along a row of the pad, for taxels of 32, 16 and 8 bits.
 MOST = 0.5                #: Largest share of the pad's TPDOs that are lost.

@@ -1,6 +1,6 @@
 """Draw foreign figures made of lines.
 
-A network that is trained without many line figures takes lines for the torn rim of a hollow object.
+A network trained with few line figures mistakes lines for the broken rim of a hollow object.
 
 Each figure is a bool array on a grid, with about unit size around the origin, like the figures in families.py. Outlines
 with a gap are not included, because the rim of a real ring under silent columns also has gaps.
@@ -30,7 +30,7 @@ def scrawl(rng, x, y):
 
 
 def loop_with_tail(rng, x, y):
-    """Return a closed line of any form, filled or not, and a second line that starts on it."""
+    """Return a closed line of any form, filled or not, with a second line starting on it."""
     angle = np.sort(rng.uniform(0, 2 * np.pi, 5)) + np.arange(5) * 0.2
     loop, width = _smooth(0.5 * polar(np.column_stack((angle, rng.uniform(0.5, 1, 5)))), closed=True), \
         rng.uniform(0.12, 0.3)
@@ -52,7 +52,7 @@ def branches(rng, x, y):
 
 
 def zigzag(rng, x, y):
-    """Return one and a half to five half-waves, either sharp or round."""
+    """Return a wave of 1.5 to 5 half-waves, either sharp or round."""
     along = np.linspace(-1, 1, POINTS)
     phase = along * rng.uniform(1.5, 5) * np.pi / 2 + rng.uniform(0, np.pi)
     wave = np.sin(phase) if rng.random() < 0.5 else 2 / np.pi * np.arcsin(np.sin(phase))
@@ -61,7 +61,7 @@ def zigzag(rng, x, y):
 
 
 def grid(rng, x, y):
-    """Return one to three bars in one direction and one to three in another. The bars meet or cross."""
+    """Return one to three bars in one direction and one to three bars in another direction. The bars meet or cross."""
     found, lean = np.zeros(x.shape, bool), rng.choice((0.0, rng.uniform(-0.4, 0.4)))
     x = x + lean * y
     for across, count in ((False, rng.integers(1, 4)), (True, rng.integers(1, 4))):

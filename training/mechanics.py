@@ -25,8 +25,8 @@ SEED = 900_000      #: Seed of the pool. No other part of the training uses this
 POSES = 4           #: Number of successive frames with the same solution, size and depth.
 LEAST_SIDE = 12     #: Smallest number of rows and columns in a pad.
 
-#: Largest shift of the contact by its tilt [square root of the contact's area]. A larger shift means that too much of
-#: the contact has lifted off.
+#: Largest shift of the contact that a tilt may cause [square root of the contact's area]. A larger shift means that too
+#: much of the contact has lifted off.
 MOST_SHIFT = 0.10
 
 COMPRESSION = (0.005, 0.15)  #: Range of mean pressure divided by contact modulus.
@@ -43,10 +43,10 @@ APERTURE = (0.7, 1.0)        #: Side of a taxel's sensitive square [pitches].
 
 #: Threshold of an on/off skin [mean pressure]. The middle of a flat punch carries about half of the mean pressure.
 THRESHOLD = (0.15, 0.6)
-RATIO = (1.5, 3.0)           #: Side ratio of a rectangle, and of the contact of a lying cylinder.
+RATIO = (1.5, 3.0)           #: Side ratio of a rectangle, and of the contact under a cylinder on its side.
 
-#: Share of balls and of cones among circles, and of lying cylinders among rectangles. All other indenters are flat
-#: punches.
+#: Share of balls and of cones among circles, and of cylinders on their side among rectangles. All other indenters are
+#: flat punches.
 BALLS, CONES, CYLINDERS = 0.25, 0.2, 0.3
 
 
@@ -77,8 +77,8 @@ def draw_mechanics(rng: np.random.Generator, count: int, on_off: bool, solutions
                    areas: tuple[float, float] = (8.0, 200.0), least_side: int = LEAST_SIDE) -> Frames:
     """Draw ``count`` frames. The contact areas [taxels] are log-uniform in the range ``areas``.
 
-    POSES successive frames share a solution, size and depth, so the caller should shuffle the frames. An area is the
-    area of the cells in contact, not the area of the punch. Pads are square and leave a margin around the contact.
+    POSES successive frames share a solution, size and depth, so the caller should shuffle the frames. An area refers to
+    the cells in contact, not to the punch. Pads are square and leave a margin around the contact.
     """
     frames, facts = [], []
     while len(frames) < count:
@@ -128,8 +128,8 @@ def contact_shift(solution: Solution) -> float:
 def _random_tilt(rng: np.random.Generator, kind: str) -> tuple[float, float]:
     """Draw a tilt.
 
-    Balls and cones are not tilted. A cylinder tilts only along its axis, because it would roll if it tilted around the
-    axis.
+    Balls and cones are not tilted. A cylinder tilts only along its axis, because a tilt around the axis would make it
+    roll.
     """
     tilt, angle = rng.uniform(*TILT), rng.uniform(0, 2 * np.pi)
     if kind == 'flat_punch':

@@ -37,7 +37,7 @@ def _window(rng) -> np.ndarray:
 
 
 def salt(rng) -> np.ndarray:
-    """Return random taxels that are on, 5 to 70 % of all taxels."""
+    """Return a pattern in which 5 to 70 % of all taxels, chosen at random, are on."""
     return (rng.random((PAD, PAD)) < rng.uniform(0.05, 0.7)) & _window(rng)
 
 
@@ -55,7 +55,7 @@ def lines(rng) -> np.ndarray:
 
 
 def clusters(rng) -> np.ndarray:
-    """Return the part of filtered noise above a level, thinned out."""
+    """Return the part of filtered noise above a level, with random taxels removed."""
     noise = ndimage.gaussian_filter(rng.standard_normal((PAD, PAD)), rng.uniform(0.5, 1.5))
     return (noise > rng.uniform(0.3, 1.5) * noise.std()) & (rng.random((PAD, PAD)) < rng.uniform(0.6, 1.1)) \
         & _window(rng)
@@ -72,7 +72,7 @@ def checks(rng) -> np.ndarray:
 
 
 def hum(rng) -> np.ndarray:
-    """Return rows or columns that swing together, with noise."""
+    """Return rows or columns whose values oscillate together, with noise."""
     wave = rng.standard_normal(PAD) if rng.random() < 0.5 else \
         np.sin(np.arange(PAD) * rng.uniform(0.3, 3) + rng.uniform(0, 6))
     frame = np.broadcast_to(np.abs(wave) / np.abs(wave).max(), (PAD, PAD)) \

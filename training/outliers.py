@@ -1,7 +1,7 @@
 """Draw contacts outside the five shapes, in general position. A recogniser must call these contacts unknown.
 
 The contacts are used for training and for choosing thresholds. The reported rejection is measured with families that
-have other code and other parameters (bench/recognition/foreign.py). The scale of each figure is found by counting its
+use different code and parameters (bench/recognition/foreign.py). The scale of each figure is found by counting its
 area, so that each figure has the required area.
 """
 
@@ -29,14 +29,14 @@ class Outlier:
     reach: float
 
     def depth(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return a lower bound of the distance from the outline, positive inside."""
+        """Return a lower bound on the distance from the outline, positive inside."""
         cos, sin = np.cos(self.angle) / self.scale, np.sin(self.angle) / self.scale
         u, v = x - self.x, y - self.y
         return self.scale * self.form(u * cos + v * sin, v * cos - u * sin)
 
 
 def random_outlier(rng: np.random.Generator, kind: str, area: float, rows: int, cols: int) -> Outlier:
-    """Draw a contact of a ``kind`` and an ``area`` [taxels] in general position, in the middle of a pad."""
+    """Draw a contact with the given ``kind`` and ``area`` [taxels] in general position, in the middle of a pad."""
     form = FORMS[kind](rng)
     y, x = GRID
     inside = form(x, y) >= 0
@@ -78,7 +78,7 @@ def _ellipse(a: float, b: float, power: float = 2.0) -> Depth:
 
 
 def _radial(radius: Callable[[np.ndarray], np.ndarray]) -> Depth:
-    """Return a figure whose outline is a radius as a function of the angle.
+    """Return a figure whose outline is given by the radius as a function of the angle.
 
     The slope of the radius must stay below about 3.
     """
@@ -109,7 +109,7 @@ def star(rng: np.random.Generator) -> Depth:
 
 
 def lens(rng: np.random.Generator) -> Depth:
-    """Return a disc cut by another disc, or the common part of two discs.
+    """Return a disc with a part cut out by another disc, or the intersection of two discs.
 
     A cut disc is, for example, a moon, a bitten disc or a half disc.
     """

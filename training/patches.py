@@ -1,6 +1,6 @@
 """Make samples from frames in bulk.
 
-The result is the same as with `patch.make_patch`, but is computed for hundreds of contacts at a time.
+The results equal those of `patch.make_patch`, but are computed for hundreds of contacts at a time.
 
 Contacts wider than a patch are scaled down one by one with `make_patch`.
 """
@@ -57,7 +57,7 @@ def _scaled(rng, values, mask, labels) -> Samples:
 
 
 def _cropped(rng, values, mask) -> tuple[np.ndarray, np.ndarray]:
-    """Crop the frame so that some sides of the pad end at the contact, or one taxel beside it."""
+    """Crop the frame so that some sides of the pad lie at the contact or one taxel away from it."""
     box = []
     for axis in (1, 0):
         used = np.flatnonzero(mask.any(axis))

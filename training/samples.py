@@ -79,14 +79,14 @@ def random_conditions(rng: np.random.Generator, on_off: bool, faulty: float = 0.
     if rng.random() < faulty:
         for name in rng.choice(list(FAULTS), rng.integers(1, 3), replace=False):
             known |= FAULTS[name](rng)
-    # after further losses, the first contact might no longer be the larger one, or might be torn
+    # after further losses, the first contact might no longer be the larger one, or might be split
     if known.get('second'):
         known |= {'silent_lines': 0, 'poor_lines': 0.0}
     return Conditions(**known)
 
 
 def pattern_of(rng: np.random.Generator, frame: np.ndarray, conditions: Conditions) -> ContactPattern:
-    """Return the contact pattern of a frame, with an absolute threshold or with a threshold relative to the contact."""
+    """Return the contact pattern of a frame, using an absolute threshold or a threshold relative to the contact."""
     if conditions.on_off or rng.random() < ABSOLUTE:
         return pattern_at(frame, ON_OFF if conditions.on_off else conditions.threshold * conditions.pressure)
     return pattern_beside(rng, frame, conditions.on_off)

@@ -18,7 +18,8 @@ def box(x, y, x0, x1, y0, y1):
 
 
 def inside(x, y, corners):
-    """Return the points inside a polygon by the parity of the crossed edges. The polygon need not be convex."""
+    """Return the points inside a polygon, determined by the parity of the crossed edges. The polygon need not be
+    convex."""
     found = np.zeros(x.shape, bool)
     for (xa, ya), (xb, yb) in zip(corners, np.roll(corners, -1, axis=0)):
         if ya != yb:

@@ -1,4 +1,4 @@
-"""Store solved indenters on disk. Solving a pool takes a minute, so all trainings read the same file."""
+"""Store solved indenters on disk. Solving a pool takes a minute, so all training runs read the same file."""
 
 from hashlib import sha256
 from pathlib import Path
@@ -14,7 +14,7 @@ SCALARS = ('kind', 'label', 'cell', 'origin', 'filled', 'compression', 'tilt')
 
 
 def source_digest() -> str:
-    """Return a short digest of the code that solves. A pool from another version of the code is not read."""
+    """Return a short digest of the solver's code. A pool from another version of the code is not read."""
     own = Path(__file__).with_name('mechanics.py')
     paths = [own, *(Path(module.__file__) for module in (contact_solver, half_space, indenters, mechanics, world))]
     return sha256(b''.join(path.read_bytes() for path in paths)).hexdigest()[:12]
@@ -33,7 +33,7 @@ def write_solutions(path: Path, solutions: list[Solution]) -> None:
 
 
 def read_solutions(path: Path) -> list[Solution]:
-    """Return the solutions that `write_solutions` has written."""
+    """Return the solutions written by `write_solutions`."""
     with np.load(path) as data:
         shapes, columns = data['shapes'], [data[name].tolist() for name in SCALARS]
         pressures = np.split(data['pressures'], np.cumsum(shapes.prod(1))[:-1])

@@ -4,18 +4,18 @@ The assembler is a pure state machine without access to a bus or a clock.
 
 Terms:
 
-  - The *rank* of a TPDO is its place in the layout. A node sends its TPDOs in ascending rank, each once per SYNC.
+  - The *rank* of a TPDO is its position in the layout. A node sends its TPDOs in ascending rank, each once per SYNC.
 
   - A *sweep* consists of all TPDOs that the nodes of the pad send for one SYNC.
 
   - A *period* is the time between two SYNCs.
 
-  - A *run* consists of TPDOs of one node in ascending rank. CAN keeps the order of one sender, so a node sends each
-    sweep as one run.
+  - A *run* consists of TPDOs of one node in ascending rank. CAN preserves the order of each sender's frames, so each
+    sweep of a node arrives as one run.
 
 The assembler applies these rules to each node of the pad separately:
 
- 1. A taxel frame consists of one run of each node.
+ 1. A taxel frame consists of one run from each node.
 
  2. If the rank of a TPDO is not above the last rank, the TPDO begins the next run, and the previous run is lost. The
     loss is counted as LATE if the previous run was suspect or already held that rank, and otherwise as OUT_OF_ORDER. A
@@ -27,8 +27,8 @@ The assembler applies these rules to each node of the pad separately:
 
     - If a complete run follows before the next SYNC, the suspect run belongs to the previous period, and the assembler
       moves it there. A suspect run that can only be the tail of a sweep is moved as soon as the next run begins,
-      because CAN keeps the order of one sender. The assembler does not take this shortcut for ORDER_MEMORY periods
-      after it has seen a change of order (OUT_OF_ORDER).
+      because CAN preserves the order of each sender's frames. The assembler does not take this shortcut for
+      ORDER_MEMORY periods after it has seen a change of order (OUT_OF_ORDER).
 
     - If no complete run follows, the suspect run is lost (LATE), because nothing proves that it belongs to this period.
 
@@ -45,7 +45,7 @@ The assembler applies these rules to each node of the pad separately:
     the next SYNC, when the next run begins, or one SYNC later.
 
  6. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC then belongs to the
-    previous period, or is LATE. A driver that lags behind its bus therefore never publishes taxels with a later stamp.
+    previous period, or is LATE. Even a driver that lags behind its bus therefore never stamps taxels too late.
 
  7. If a pad has several nodes and a node that is not suspect begins another run within a period, a SYNC was lost. The
     assembler discards the period: all TPDOs of all nodes are LATE until the next SYNC.
@@ -61,9 +61,9 @@ The assembler applies these rules to each node of the pad separately:
 
 Limits:
 
-  - A frame mixes two periods only in two cases. In the first case, a SYNC, the end of one sweep and the beginning of
-    the next sweep are all lost within two periods. In the second case, the bus or an adapter changes the order of a
-    sender for the first time, and the end of the previous sweep is lost.
+  - A frame can mix TPDOs of two periods in only two cases. In the first case, a SYNC, the end of one sweep and the
+    beginning of the next sweep are all lost within two periods. In the second case, the bus or an adapter changes the
+    order of a sender's frames for the first time, and the end of the previous sweep is lost.
 
   - After a skipped sweep, the assembler cannot detect a node that delays its answer beyond the next SYNC on a free bus.
     The assembler also cannot detect an adapter that holds some frames back for a whole period while it passes others.
@@ -83,7 +83,7 @@ from tactile_node.skin.layout import SkinLayout
 
 #: Number of periods for which the assembler remembers a change of order. A lost SYNC can look like a change of order.
 ORDER_MEMORY = 100
-#: Longest time by which a SYNC may follow its stamp [s]. Serial adapters take up to 16 ms to confirm that a SYNC was
+#: Largest delay of a SYNC after its stamp [s]. Serial adapters take up to 16 ms to confirm that a SYNC was
 #: sent.
 MOST_LATE = 0.02
 
@@ -122,7 +122,7 @@ class FrameAssembler(PadAssembler):
 
     @property
     def is_in_doubt(self) -> bool:
-        """True if the bus must stay without SYNC until the driver knows how far each node has got.
+        """True if no SYNC may be sent until the driver knows how far each node has got.
 
         Any thread may read this property.
         """
@@ -143,7 +143,7 @@ class FrameAssembler(PadAssembler):
         self._is_after_outage = True
 
     def start(self, node_id: int) -> None:
-        """Note that a silent node was started. The next TPDOs of that node do not belong to an earlier period."""
+        """Record that a silent node was started. The next TPDOs of that node do not belong to an earlier period."""
         if self._period is not None and node_id in self._node_ids:
             self._period.runs[self._node_ids.index(node_id)].start()
 
@@ -155,7 +155,7 @@ class FrameAssembler(PadAssembler):
         timestamp : float
             Stamp of the SYNC [s].
         late : float
-            Longest time by which the SYNC followed its stamp [s].
+            Largest delay of the SYNC after its stamp [s].
 
         Returns
         -------
@@ -181,7 +181,7 @@ class FrameAssembler(PadAssembler):
         return frames
 
     def settle(self) -> None:
-        """Note that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
+        """Record that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
         for run in () if self._period is None else self._period.runs:
             run.settle()
 
@@ -207,7 +207,7 @@ class FrameAssembler(PadAssembler):
         return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in ranks) for ranks in (sent, layout)))
 
     def _note_orders(self) -> None:
-        """Note the order in which the TPDOs of each node arrived, if each TPDO arrived once in this period.
+        """Record the order in which the TPDOs of each node arrived, if each TPDO arrived once in this period.
 
         The end of a late sweep and the beginning of the next one look like a changed order. The assembler therefore
         accepts a changed order only if no sweep can be late. No sweep can be late after OUT_OF_ORDER or, with several
@@ -294,7 +294,7 @@ class FrameAssembler(PadAssembler):
     def _resolve_aside(self, period: SweepPeriod) -> Frames:
         """Move the runs that were set aside back to the previous period, because this period is complete.
 
-        If the previous period was emitted already, the runs belong to an even earlier period and are LATE.
+        If the previous period has already been emitted, the runs belong to an even earlier period and are LATE.
         """
         if self._before is None:
             return self._lose(LossReason.LATE, sum(run.lose_aside() for run in period.runs))

@@ -17,7 +17,7 @@ from tactile_node.skin.layout import DomainLayout, SkinLayout
 
 
 class DomainAssembler(PadAssembler):
-    """The state machine of one polled pad. The counts of a polled pad are numbers of uploads, not of TPDOs.
+    """The state machine of one polled pad. The counts of a polled pad refer to uploads, not to TPDOs.
 
     Parameters
     ----------

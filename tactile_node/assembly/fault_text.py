@@ -110,7 +110,7 @@ def order_text(order: TpdoOrder) -> str:
 
 
 def sync_text(sync: SyncState) -> str:
-    """Return a clause about a fault of SYNC, without a full stop, or '' if there is no fault.
+    """Return a clause about a SYNC fault, without a full stop, or '' if there is no fault.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def load_text(load: float, pads: int) -> str:
     Parameters
     ----------
     load : float
-        Planned load as a share of time; above 1, the bus cannot carry it.
+        Planned load as a share of time; the bus cannot carry a load above 1.
     pads : int
         Number of pads on the bus.
 
@@ -149,12 +149,12 @@ def reaction_text(fault: NodeFault) -> str:
 
 
 def emergency_text(pad: str, node: NodeHealth) -> str:
-    """Return a sentence about the last EMCY message of a node of ``pad``."""
+    """Return a sentence about the last EMCY message from a node of ``pad``."""
     return f'{node_label(pad, node.node_id)} sends {node.last_emergency}; {node.emergencies} EMCY in all.'
 
 
 def command_text(command: ForeignCommand | None) -> str:
-    """Return the text for an NMT command of another master, or '' for None.
+    """Return the text for an NMT command from another master, or '' for None.
 
     Examples
     --------
@@ -168,5 +168,5 @@ def command_text(command: ForeignCommand | None) -> str:
 
 
 def node_label(pad: str, node_id: int) -> str:
-    """Return the label of a node for the beginning of a message."""
+    """Return the node label that begins a message."""
     return f'Node {node_id} (pad {pad!r})'

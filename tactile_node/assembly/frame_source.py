@@ -1,4 +1,4 @@
-"""Define the common interface of a live bus and a recorded log, and their counts.
+"""Define the common interface and the counts of a live bus and a recorded log.
 
 The driver node uses a bus or a log only through this interface.
 """
@@ -43,14 +43,13 @@ class PadStatistics(NamedTuple):
     pending: int  #: TPDOs that may still be used or lost
     losses: dict[LossReason, int]  #: number of TPDOs lost for each reason; read only
     withheld: int = 0  #: incomplete taxel frames that were not emitted because of ``drop_incomplete``
-    padded: int = 0  #: TPDOs with more bytes than mapped, but at most 8; only their first bytes are used
+    padded: int = 0  #: TPDOs longer than their mapping, but at most 8 bytes long; only the mapped bytes are used
     used_by_node: tuple[int, ...] = ()  #: ``used`` for each node of the pad
     syncs: int = 0  #: SYNCs that began a period
 
-    #: number of TPDOs received, without DUPLICATEs, for each node and each of its TPDOs in the order of the layout
+    #: number of TPDOs received, without DUPLICATEs, by node and by TPDO in the order of the layout
     distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()
-    #: number of TPDOs used for a taxel frame, emitted or withheld, for each node and each of its TPDOs in the order of
-    #: the layout
+    #: number of TPDOs used for a taxel frame, emitted or withheld, by node and by TPDO in the order of the layout
     fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()
     #: for each node, the order of its TPDOs if it differs from the layout, else None
     orders: tuple[TpdoOrder | None, ...] = ()
@@ -71,7 +70,8 @@ class BusStatistics(NamedTuple):
 
     pads: dict[str, PadStatistics]  #: counts of each pad, by pad name
 
-    #: CAN frames received, by service; 'tpdo' counts the TPDOs of the pads, and 'foreign' the frames of no pad
+    #: CAN frames received, by service; 'tpdo' counts the TPDOs of the pads, and 'foreign' counts the frames that belong
+    #: to no pad
     can_frames: dict[str, int]
     queue_overruns: int = 0  #: CAN frames dropped because this process was too slow
     sync_overruns: int = 0  #: SYNCs not sent because this process was too slow
@@ -84,7 +84,7 @@ class BusStatistics(NamedTuple):
     stamps_ahead: float = 0.0  #: time by which the stamps lead the wall clock after it was set back [s]
     unread: int = 0  #: lines of a log that could not be read
 
-    #: CAN frames missing from the recording, because it failed or because its format cannot hold them
+    #: CAN frames missing from the recording, because writing failed or the file format cannot hold them
     unrecorded: int = 0
 
 
@@ -93,7 +93,7 @@ OnFrame = Callable[[str, TaxelFrame], None]
 
 
 class FrameSource(Protocol):
-    """Source of taxel frames. A source calls ``on_frame`` with each taxel frame on its own thread."""
+    """Source of taxel frames. A source has its own thread, on which it calls ``on_frame`` with each taxel frame."""
 
     def open(self) -> None:
         """Open the bus or the log.
@@ -110,7 +110,7 @@ class FrameSource(Protocol):
     def start(self) -> None:
         """Start delivering frames.
 
-        For a bus, the sequence numbers start at 0. For a log, playback continues where it was stopped.
+        For a bus, the sequence numbers start at 0. For a log, playback continues where it stopped.
         """
 
     def stop(self) -> None:

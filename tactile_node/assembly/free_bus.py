@@ -1,4 +1,4 @@
-"""Prove from times at which the bus is free that no node is behind.
+"""Use the times at which the bus is free to prove that no node is behind.
 
 `FreeBus` measures how long the bus was free. `SyncPause` decides which SYNCs to skip, so that the bus stays free for
 long enough.
@@ -20,8 +20,9 @@ class FreeBus:
     """Measures how long the bus stayed free after the answers to a SYNC were due. All times are stamps [s].
 
     While the bus is free, a node answers a SYNC within half a period. A node that sends nothing within half a period
-    therefore has nothing left to send. Other frames may occupy the bus first. The time they need at the bit rate does
-    not count as free. A period without any TPDO proves nothing, because an adapter may be holding the TPDOs back.
+    therefore has nothing left to send. Other frames may occupy the bus first. The time that these frames take at the
+    bit rate does not count as free. A period without any TPDO proves nothing, because an adapter may be holding the
+    TPDOs back.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ class FreeBus:
         stamp : float
             Stamp of the SYNC [s].
         late : float
-            Longest time by which the SYNC followed its stamp [s].
+            Largest delay of the SYNC after its stamp [s].
         """
         self._due_before, self._since_before = self._due, self._since
         self._due = inf if self._synced == inf else stamp + late + (stamp + late - self._synced) / 2
@@ -62,12 +63,12 @@ class FreeBus:
         self._synced = stamp
 
     def take(self, stamp: float) -> None:
-        """Note that a TPDO was received at ``stamp`` [s]. Another TPDO may follow."""
+        """Record that a TPDO was received at ``stamp`` [s]. Another TPDO may follow."""
         self._since_before = max(self._due_before, stamp)
         self._since = max(self._due, stamp)
 
     def occupy(self, stamp: float, seconds: float | None = None) -> None:
-        """Note that other traffic may have occupied the bus before a given stamp.
+        """Record that other traffic may have occupied the bus before a given stamp.
 
         Parameters
         ----------
@@ -83,14 +84,14 @@ class FreeBus:
             self._since += seconds
 
     def proves(self, until: float) -> bool:
-        """Return True if no node can answer the SYNC before the last one any more.
+        """Return True if no node can still answer the second-to-last SYNC.
 
         Parameters
         ----------
         until : float
             Stamp up to which no further TPDO was received [s].
         """
-        # a frame may be on the bus right now, so the time of one frame is added
+        # a frame may be on the bus right now, so the duration of one frame is added
         return until - self._since_before >= FREE_TIME + self._frame_time
 
 

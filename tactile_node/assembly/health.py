@@ -116,13 +116,13 @@ Cause = TypeVar('Cause', bound=Failure | NodeFault)
 class Outages(Generic[Cause]):
     """Outages since construction.
 
-    An outage is a time without taxels. The counts include an outage that has not ended yet.
+    An outage is a time without taxels. The counts include an ongoing outage.
     """
 
     count: int = 0
     seconds: float = 0.0  #: total duration [s]
-    cause: Cause | None = None  #: cause with which the last outage began
-    current: Cause | None = None  #: present cause of the outage that has not ended yet; None if there is no outage
+    cause: Cause | None = None  #: initial cause of the last outage
+    current: Cause | None = None  #: present cause of an ongoing outage; None if there is no outage
 
 
 class NodeHealth(NamedTuple):
@@ -146,7 +146,7 @@ class NodeHealth(NamedTuple):
 
 
 class ErrorCounters(NamedTuple):
-    """Error counters of the CAN controller in its last error frame (ISO 11898-1).
+    """Error counters of the CAN controller, taken from its last error frame (ISO 11898-1).
 
     The controller issues a warning at 96. Above 127, the controller is error-passive.
     """
@@ -156,7 +156,7 @@ class ErrorCounters(NamedTuple):
 
 
 class ForeignCommand(NamedTuple):
-    """An NMT command (CiA 301) of another master."""
+    """An NMT command (CiA 301) from another master."""
 
     command: int  #: command specifier
     node_id: int  #: addressed node; 0 for all nodes
@@ -173,7 +173,7 @@ class BusHealth(NamedTuple):
     is_error_passive: bool = False
     error_counters: ErrorCounters = ErrorCounters()
     foreign_commands: int = 0  #: NMT commands that another master sent to our nodes
-    last_command: ForeignCommand | None = None  #: last NMT command of another master
+    last_command: ForeignCommand | None = None  #: last NMT command from another master
     sync: SyncState = SyncState()
     #: overload of this process; during an overload, frames that seem to be missing may only be waiting to be processed
     overload: Overload = Overload.NOT_KNOWN

@@ -17,7 +17,7 @@ from tactile_node.taxel_frame import TaxelFrame, TpdoAges
 
 logger = logging.getLogger(__name__)
 
-#: Taxel frames that a CAN frame or a SYNC has finished, in order. The tuple is often empty.
+#: Taxel frames finished by a CAN frame or a SYNC, in order. The tuple is often empty.
 Frames = tuple[TaxelFrame, ...]
 
 
@@ -26,8 +26,8 @@ class PadAssembler:
 
     The methods return finished frames and count lost TPDOs.
 
-    The rank of a TPDO is its place in the layout. A polled DOMAIN counts as one TPDO. All counts start at construction;
-    see `PadStatistics`.
+    The rank of a TPDO is its position in the layout. A polled DOMAIN counts as one TPDO. All counts start at
+    construction; see `PadStatistics`.
 
     Parameters
     ----------
@@ -67,10 +67,10 @@ class PadAssembler:
         self._sequence += lost_periods
 
     def start(self, node_id: int) -> None:
-        """Note that a silent node was started."""
+        """Record that a silent node was started."""
 
     def sync(self, timestamp: float, late: float = 0.0) -> Frames:
-        """Note a SYNC sent at most ``late`` [s] after its timestamp, and return the finished frames."""
+        """Process a SYNC that was sent at most ``late`` [s] after its timestamp, and return the finished frames."""
         return ()
 
     def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:

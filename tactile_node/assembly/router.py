@@ -32,7 +32,7 @@ class Router:
     on_frame : callable
         Function that is called with the name of the pad and each taxel frame.
     foreign_sync : bool
-        True if SYNCs received from the bus also separate the periods; False if only calls of ``sync`` do.
+        True if SYNCs received from the bus also separate the periods; False if only calls to ``sync`` do.
     one_clock : bool
         True if the stamps passed to ``sync`` and ``feed`` come from one clock.
     drop_incomplete : bool
@@ -59,7 +59,7 @@ class Router:
 
     @property
     def is_in_doubt(self) -> bool:
-        """True if the bus must stay without SYNC until the driver knows how far each node has got.
+        """True if no SYNC may be sent until the driver knows how far each node has got.
 
         Any thread may read this property.
         """
@@ -80,12 +80,12 @@ class Router:
             assembler.resume(lost_periods)
 
     def start(self, node_id: int) -> None:
-        """Note that a silent node was started."""
+        """Record that a silent node was started."""
         for assembler in self._assemblers.values():
             assembler.start(node_id)
 
     def pause(self) -> None:
-        """From now on, ignore SYNCs of other devices and the data of pads without SYNC.
+        """From now on, ignore SYNCs from other devices and the data of pads without SYNC.
 
         A paused router emits no frames.
         """
@@ -104,7 +104,7 @@ class Router:
         stamp : float
             Stamp of the SYNC [s].
         late : float
-            Longest time by which the SYNC followed its stamp [s].
+            Largest delay of the SYNC after its stamp [s].
         """
         self.bus.sync(stamp, late)
         for name, assembler in self._assemblers.items():
@@ -157,7 +157,7 @@ class Router:
             self.bus.occupy(message.timestamp, inf if message.is_error_frame else None)
 
     def end(self) -> None:
-        """End the last period of each pad, because no more CAN frames follow."""
+        """End the last period of each pad, because no more CAN frames will follow."""
         for name, assembler in self._assemblers.items():
             self._deliver(name, assembler.end_period())
 

@@ -1,6 +1,6 @@
 """Follow one sender through the sweep of one period.
 
-A sender is one CANopen node of a pad, and ``assembler`` states the rules.
+A sender is one CANopen node of a pad. The module ``assembler`` states the rules.
 
                   not behind
     EMPTY ----------------------------> CURRENT ---.
@@ -19,13 +19,14 @@ The previous period determines how many more runs the sender is behind when a pe
 
   - If the previous period ended with the last rank, no run is added.
 
-  - If the previous period ended early, one run is added. The late run may contain the ranks above that end.
+  - If the previous period ended early, one run is added. The late run may contain the ranks above the last rank
+    received.
 
   - If the previous period was silent, one run is added. The late run may contain any ranks.
 
   - If the sender was started in the previous period, no run is added, and all earlier runs are forgotten.
 
-If the previous period ended SUSPECT or was silent, the number from that period is added.
+If the previous period ended SUSPECT or was silent, the number of late runs from that period is added.
 """
 
 from typing import NamedTuple
@@ -70,7 +71,7 @@ class SenderRun:
 
         #: True if the run set aside is the tail of a sweep, so it belongs to the previous period
         self.is_aside_proved = False
-        self.received: list[int] = []  #: ranks in order of reception; at most one more than a sweep has
+        self.received: list[int] = []  #: ranks in order of reception; at most one more than in a sweep
         self.is_seen = False  #: True if any TPDO was received
         self._is_suspect = False
         self._ended_suspect = False
@@ -138,13 +139,13 @@ class SenderRun:
         return self.used + len(self._aside)
 
     def start(self) -> None:
-        """Note that the silent sender was started and is therefore not behind."""
+        """Record that the silent sender was started and is therefore not behind."""
         self._was_started = True
         if not self.is_seen:
             self._expect_late(0)
 
     def settle(self) -> None:
-        """Note that no run of an earlier period can begin any more.
+        """Record that no run of an earlier period can still begin.
 
         A delayed tail is unaffected, because the beginning of the next run proves where the tail belongs.
         """
@@ -157,7 +158,7 @@ class SenderRun:
         self._expect_late(1)
 
     def note_late(self, rank: int) -> None:
-        """Note a TPDO of an earlier period that is too late to be used.
+        """Record a TPDO of an earlier period that arrived too late to be used.
 
         A TPDO that is too late only shows how far the sender has got.
         """
@@ -193,7 +194,7 @@ class SenderRun:
         """
         lost = None
         if not self.is_seen:
-            # a new run has begun, so the delayed tail cannot arrive any more
+            # a new run has begun, so the delayed tail can no longer arrive
             if self._behind == 1 and rank <= self._late_above:
                 self._expect_late(0)
             self._is_suspect = self._behind > 0
@@ -203,7 +204,7 @@ class SenderRun:
         return lost
 
     def note_received(self, rank: int, data: bytes) -> None:
-        """Note that a TPDO was received, no matter whether it is used."""
+        """Record that a TPDO was received, whether or not it is used."""
         self.last = rank
         if len(self.received) <= len(self._own):  # without SYNC a period never ends, so the list must be limited
             self.received.append(rank)
@@ -211,7 +212,7 @@ class SenderRun:
         self.is_seen = True
 
     def end(self) -> int:
-        """End the period, discard TPDOs that are not proved to belong to a period, and return the number discarded."""
+        """End the period, discard the TPDOs whose period is not proved, and return the number discarded."""
         if self.is_settled:
             self._is_suspect = False
         self._ended_suspect = self._is_suspect
@@ -224,7 +225,7 @@ class SenderRun:
         return lost
 
     def lose_aside(self) -> int:
-        """Discard the run set aside, and return the number of its TPDOs."""
+        """Discard the run that was set aside, and return the number of its TPDOs."""
         lost = len(self._aside)
         self._aside.clear()
         return lost
@@ -237,7 +238,7 @@ class SenderRun:
         self._aside.clear()
 
     def _expect_late(self, behind: int, above: int = -1, is_of_before: bool = False) -> None:
-        """Note that the sender may be behind by ``behind`` runs.
+        """Record that the sender may be behind by ``behind`` runs.
 
         If the sender is behind by one run, that run contains only ranks above ``above``. With ``is_of_before``, the
         late run can only belong to the previous period.

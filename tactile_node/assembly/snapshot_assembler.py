@@ -12,14 +12,14 @@ The assembler follows these rules:
     wait for TPDOs whose values are already too old.
 
  2. A snapshot is also emitted before a TPDO replaces values that no snapshot contains yet. With this rule, no value is
-    lost, and the fastest TPDO sets the rate of snapshots. A snapshot is also emitted before a TPDO that arrives more
-    than SNAPSHOT_WAIT after the first new TPDO.
+    lost, and the fastest TPDO sets the snapshot rate. A snapshot is also emitted before a TPDO that arrives more than
+    SNAPSHOT_WAIT after the first new TPDO.
 
  3. If a TPDO is older than ``max_age`` or was never received, its taxels are NaN and STALE. A device repeats unchanged
-    values after its event timer, so silence beyond ``max_age`` is a fault and never means "unchanged".
+    values when its event timer expires, so silence beyond ``max_age`` is a fault and never means "unchanged".
 
- 4. A TPDO that repeats the previous TPDO byte for byte within half the event timer is a DUPLICATE. A DUPLICATE does not
-    renew the age.
+ 4. A TPDO that repeats the previous TPDO byte for byte within half the event timer's interval is a DUPLICATE. A
+    DUPLICATE does not renew the age.
 
  5. With ``drop_incomplete``, a snapshot with STALE TPDOs is withheld. The new TPDOs of a withheld snapshot are lost
     (INCOMPLETE) unless the next emitted snapshot still holds them.
@@ -52,7 +52,7 @@ class SnapshotAssembler(PadAssembler):
     layout : SkinLayout
         Layout of the pad.
     event : EventDriven
-        Times at which the pad sends.
+        Timing of the pad's transmissions.
     node_ids : sequence of int
         Node-IDs of the pad, one for each node of the layout.
     """
@@ -68,7 +68,7 @@ class SnapshotAssembler(PadAssembler):
         self.restart()
 
     def start(self, node_id: int) -> None:
-        """Note that a node was started. The assembler forgets the node's values when the next TPDO arrives."""
+        """Record that a node was started. The assembler forgets the node's values when the next TPDO arrives."""
         self._started.add(node_id)
 
     def end_period(self) -> Frames:
@@ -104,7 +104,7 @@ class SnapshotAssembler(PadAssembler):
         self._started: set[int] = set()  # node-IDs
 
     def _forget_invalid(self, stamp: float) -> Frames:
-        """Forget values that are not valid any more at ``stamp``, and return the snapshot that holds them."""
+        """Forget the values that are no longer valid at ``stamp``, and return the snapshot that holds them."""
         frames: Frames = ()
         is_first = not self._is_known.any()
         if not is_first and abs(stamp - self._newest) > self._event.max_age:

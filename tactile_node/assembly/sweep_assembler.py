@@ -1,7 +1,8 @@
 """Recognise the sweeps of a skin that sends without SYNC.
 
 The assembler is a pure state machine without access to a bus or a clock. The device sends all TPDOs of one scan
-together, in ascending rank. The next sweep begins at least one ``period`` later. CAN keeps the order of one sender.
+together, in ascending rank. The next sweep begins at least one ``period`` later. CAN preserves the order of each
+sender's frames.
 
 The assembler follows these rules:
 
@@ -18,7 +19,7 @@ The assembler follows these rules:
  4. The stamp of a frame is the stamp of the first TPDO received. This stamp is later than the scan by the time that the
     device takes to send the TPDO. If the first TPDOs of a sweep are lost, the stamp is later by up to ``sweep_time``.
 
- 5. If the device has an event timer, ``sequence`` also counts the sweeps that are missing in a pause. After SILENCE
+ 5. If the device has an event timer, ``sequence`` also counts the sweeps missed during a pause. After SILENCE
     missing sweeps, TPDOs may have waited in an adapter. These TPDOs are LATE until a run begins more than
     ``sweep_time`` after the previous run.
 
@@ -26,9 +27,9 @@ Two sweeps are never mixed if each sweep takes less than ``sweep_time`` from its
 condition, the first TPDO received is stamped at most ``sweep_time`` after the beginning of the sweep, and the run ends
 ``sweep_time`` later. The sum of both times is shorter than the period (``SWEEP_SHARE``).
 
-Limit: two sweeps may be mixed if two faults coincide. The first fault is a longer delay of the stamps, for example by
-an adapter that delivers many frames at once. The second fault is the loss of both the end of one sweep and the
-beginning of the next.
+As an exception, two sweeps may be mixed if two faults coincide. The first fault is a longer delay of the stamps, for
+example by an adapter that delivers many frames at once. The second fault is the loss of both the end of one sweep and
+the beginning of the next.
 """
 
 from collections.abc import Sequence
@@ -53,7 +54,7 @@ class SweepAssembler(PadAssembler):
     layout : SkinLayout
         Layout of the pad.
     event : EventDriven
-        Times at which the pad sends.
+        Timing of the pad's transmissions.
     node_ids : sequence of int
         Node-IDs of the pad, one for each node of the layout.
     """
@@ -70,7 +71,7 @@ class SweepAssembler(PadAssembler):
         self.restart()
 
     def start(self, node_id: int) -> None:
-        """Note that the node was started. The next TPDO of the node begins a run."""
+        """Record that the node was started. The next TPDO of the node begins a run."""
         self._is_continued = False
 
     def end_period(self) -> Frames:

@@ -163,16 +163,16 @@ class BusDevices:
             setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
                                 is_interrupted=lambda: self._interrupts != interrupts)
             as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
-            # the answers to another client do not count
+            # answers to another client do not count
             is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests
             if is_alone and 2 * sdo.doubled > sdo.requests:
                 raise TwoDevicesError(node.label, expected='one device with this node-ID', remedy='Switch one of them '
-                                      'off, and set another node-ID on it.',
+                                      'off, and change the node-ID of the other.',
                                       got=f'a second answer to {sdo.doubled} of {sdo.requests} requests')
         return as_set
 
     def interrupt(self) -> None:
-        """Interrupt every configuration that is running.
+        """Interrupt all configurations in progress.
 
         Any thread may call ``interrupt``; the call returns immediately.
         """
@@ -219,7 +219,7 @@ class BusDevices:
     def confirm_operational(self, node: CanopenNode, since: float) -> None:
         """Wait until a started node reports OPERATIONAL.
 
-        The timeout is ``boot_timeout``, or START_PERIOD if that is longer, plus three heartbeat times. The driver
+        The timeout is the longer of ``boot_timeout`` and START_PERIOD, plus three heartbeat times. The driver
         repeats NMT start every START_PERIOD, because the first command may be lost.
 
         Parameters

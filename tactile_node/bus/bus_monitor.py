@@ -38,8 +38,8 @@ class BusMonitor:
     node_ids : iterable of int
         Node-IDs of the pads on the bus.
     on_news : callable
-        Function that is called when a node changes its state, or when another master commands a node by NMT or changes
-        its TPDOs. The callback must return immediately.
+        Function that is called when a node changes state, or when another master sends it an NMT command or changes its
+        TPDOs. The callback must return immediately.
     """
 
     def __init__(self, node_ids: Iterable[int], on_news: Callable[[], None] = lambda: None):
@@ -49,13 +49,13 @@ class BusMonitor:
         self.can_frames = 0
         self.bits = 0
         self.foreign_commands = 0
-        self.last_command: ForeignCommand | None = None  #: last NMT command of another master to one of our nodes
+        self.last_command: ForeignCommand | None = None  #: last NMT command from another master to one of our nodes
 
-        #: by node-ID, writes of another master to the objects in DECIDES_TPDOS
+        #: by node-ID, writes by another master to the objects in DECIDES_TPDOS
         self.foreign_writes = dict.fromkeys(self.emergencies, 0)
-        self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by node-ID, SDO requests of another master
+        self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by node-ID, SDO requests from another master
 
-        #: by node-ID, writes of another master to the heartbeat time
+        #: by node-ID, writes by another master to the heartbeat time
         self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)
         self.is_error_passive = False
         self.error_counters = ErrorCounters()
@@ -113,7 +113,7 @@ class BusMonitor:
             self._on_news()
 
     def _request(self, can_id: int, data: bytes) -> None:
-        """Count an SDO request of another master.
+        """Count an SDO request from another master.
 
         Writes to the TPDOs or to the heartbeat time of a node are also counted separately.
 
@@ -129,7 +129,7 @@ class BusMonitor:
             self._on_news()
 
     def _command(self, _can_id: int, data: bytes) -> None:
-        """Note an NMT command of another master. The driver does not receive its own commands."""
+        """Record an NMT command from another master. The driver does not receive its own commands."""
         if len(data) < 2 or data[1] and data[1] not in self.emergencies:
             return
         self.last_command = ForeignCommand(data[0], data[1])

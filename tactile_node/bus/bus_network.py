@@ -52,7 +52,7 @@ def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.
     Parameters
     ----------
     interface : str
-        Interface name of python-can, such as 'socketcan' or 'slcan'.
+        python-can interface name, such as 'socketcan' or 'slcan'.
     channel : str
         Channel of the interface, such as 'can0' or '/dev/ttyACM0'.
     bitrate : int
@@ -63,7 +63,7 @@ def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.
     Raises
     ------
     ConfigurationError
-        Raised if the interface or the bit rate does not exist.
+        Raised if python-can does not know the interface or the bit rate is not standard.
     BusError
         Raised if the bus cannot be opened.
     """
@@ -152,8 +152,8 @@ class BusNetwork(Network):
             True for a remote frame.
         announce : callable
             Function that returns the time of the frame for the recording [s]. The network calls this function before
-            the frame is on the bus, and while no other thread sends. The recording holds the frames in the order of
-            these calls.
+            the frame is on the bus, and while no other thread is sending. The recording holds the frames in the order
+            of these calls.
 
         Raises
         ------

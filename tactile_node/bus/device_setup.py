@@ -87,7 +87,7 @@ class DeviceSetup:
         DeviceAbsentError
             Raised if the device does not answer.
         DeviceError
-            Raised if the device has another identity or rejects the configuration.
+            Raised if the device has a different identity or rejects the configuration.
         BusError
             Raised if a request cannot be sent.
         InterruptedSetupError
@@ -122,7 +122,7 @@ class DeviceSetup:
             try:
                 self._sdo.upload(objects.IDENTITY, 1)
                 return
-            except SdoAbortedError:  # an abort is an answer, too; the next step reports a missing object
+            except SdoAbortedError:  # an abort is also an answer; the next step reports a missing object
                 return
             except SdoCommunicationError:
                 now = time.monotonic()
@@ -158,7 +158,7 @@ class DeviceSetup:
     def _set_sync(self, wanted: int) -> None:
         """Set the COB-ID of SYNC, and keep bits 30 and 31 of the object, which do not belong to the COB-ID.
 
-        A device that produces SYNC does not allow a change of its COB-ID, so a different COB-ID is an error.
+        A device that produces SYNC does not allow its COB-ID to be changed, so a different COB-ID is an error.
         """
         if objects.COB_ID_SYNC not in self._node.dictionary:
             logger.info('%s: the EDS has no object 0x%04X, so the driver keeps the SYNC COB-ID.', self._label,

@@ -1,6 +1,6 @@
 """Poll the DOMAIN of a pad by SDO.
 
-The polls only cause the device to send its data. The assembler reads the data from the frames on the bus.
+A poll only causes the device to send its data. The assembler reads the data from the frames on the bus.
 """
 
 import logging

@@ -20,7 +20,7 @@ class Reminder:
         self._pause = FIRST_REMINDER
 
     def is_due(self, kind: str, now: float) -> bool:
-        """Return True if a message of this kind must be sent now, and note that it is sent.
+        """Return True if a message of this kind must be sent now, and record it as sent.
 
         Parameters
         ----------
@@ -55,7 +55,7 @@ class ChangePace:
     """Allows a state to be published when it has changed, and at least once in each STATE_PERIOD.
 
     At most MOST_STATES publications fall within any STATE_PERIOD. A change beyond this limit of MOST_STATES is
-    published at a later call, unless the state has changed back by then.
+    published on a later call, unless the state has changed back by then.
     """
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class ChangePace:
         self._key: Hashable = None
 
     def is_due(self, key: Hashable, now: float) -> bool:
-        """Return True if the state must be published now, and note that it is published.
+        """Return True if the state must be published now, and record it as published.
 
         Parameters
         ----------
@@ -81,6 +81,6 @@ class ChangePace:
         return True
 
     def note(self, key: Hashable, now: float) -> None:
-        """Note that the state ``key`` is published at ``now`` [s], even if it was not due."""
+        """Record the state ``key`` as published at ``now`` [s], even if it was not due."""
         self._published.append(now)
         self._key = key

@@ -50,7 +50,7 @@ class NodeScan:
         self._lock = threading.Lock()
 
     def received(self, batch: Batch) -> None:
-        """Note the heartbeats and SDO answers in ``batch``."""
+        """Record the heartbeats and SDO answers in ``batch``."""
         with self._lock:
             self.error_frames += sum(message.is_error_frame for message in batch.messages)
             for message in (one for one in batch.messages if non_data_kind(one) is None):
@@ -117,10 +117,10 @@ def _number(data: bytes | None) -> int | None:
     return None if data is None else int.from_bytes(data, 'little')
 
 
-#: Bit rates of CiA 301 (5.4) in the order in which they are tried [bit/s]. Bit rates that are common for skins come
-#: first.
+#: Bit rates defined by CiA 301 (5.4), in the order in which they are tried [bit/s]. Bit rates that are common for skins
+#: come first.
 SCANNED_BIT_RATES = (1_000_000, 500_000, 250_000, 125_000, 800_000, 50_000, 20_000, 10_000)
-#: Time after opening during which frames are ignored [s]. The change of bit rate may truncate lines from the adapter.
+#: Time after opening during which frames are ignored [s]. Changing the bit rate may truncate lines from the adapter.
 OPENING_TIME = 0.1
 BY_IP_LINK = ('Try one bit rate after another: "ip link set {channel} down", then "ip link set {channel} up type can '
               'bitrate 500000 listen-only on". Use candump to see whether frames are received.')
@@ -132,7 +132,7 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
     Parameters
     ----------
     interface : str
-        Interface name of python-can; only 'slcan' is supported.
+        python-can interface name; only 'slcan' is supported.
     channel : str
         Serial port of the adapter.
     listen : float
@@ -171,7 +171,7 @@ def find_bit_rate(interface: str, channel: str, listen: float) -> int:
 def _listen_at(channel: str, bitrate: int, listen: float) -> tuple[int, int]:
     """Return the number of valid frames and the number of error frames at one bit rate. Raises BusError.
 
-    Listening ends before ``listen`` [s] have passed if ten valid frames or one error frame were received.
+    The function listens for ``listen`` [s], or until it has received ten valid frames or one error frame.
     """
     frames = error_frames = 0
     bus = open_bus('slcan', channel, bitrate, listen_only=True)

@@ -38,7 +38,7 @@ def explain_refusal(where: str, what: str) -> Iterator[None]:
     Parameters
     ----------
     where : str
-        Node and object that the message names.
+        Node and object to be named in the message.
     what : str
         Operation in the passive voice, such as 'be read'.
     """
@@ -75,8 +75,8 @@ class OwnSdoClient(SdoClient):
 
     The client ignores an answer that names another object, and an answer to a write while this client reads. An ignored
     answer is late or belongs to another client. The client accepts any answer that names the requested object, even if
-    another client requested it. The client also accepts an abort that names no object, because some servers send it.
-    Segments name no object, so the client accepts every answer while it waits for a segment.
+    another client requested it. The client also accepts an abort that names no object, because some servers send such
+    aborts. Segments name no object, so the client accepts every answer while it waits for a segment.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class OwnSdoClient(SdoClient):
         self._answer = constants.RESPONSE_UPLOAD  # command that the answer must have
         self._owed = owed
         self.requests = 0  #: number of requests sent that name an object
-        self.doubled = 0  #: number of answers about requested objects beyond one per request
+        self.doubled = 0  #: number of surplus answers about requested objects, beyond one per request
         self.others = 0  #: answers ignored
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:

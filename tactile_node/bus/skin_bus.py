@@ -54,7 +54,7 @@ class SkinBus:
     Raises
     ------
     ConfigurationError
-        Raised if the pads conflict, the bit rate does not exist, or the planned load is too high.
+        Raised if the pads conflict, the bit rate is not standard, or the planned load is too high.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
@@ -92,7 +92,7 @@ class SkinBus:
     def recorded_to(self) -> Path | None:
         """Path of the log file being written, or None if there is no recording.
 
-        If the requested file already existed, the path is that of another file.
+        If the requested file already existed, the bus writes to another file and returns that file's path.
         """
         return None if self._record is None else self._record.path
 
@@ -165,7 +165,7 @@ class SkinBus:
         Parameters
         ----------
         without : collection of int
-            Node-IDs of the nodes that do not answer yet. These nodes are neither started nor awaited.
+            Node-IDs of the nodes that do not answer yet. The bus neither starts these nodes nor waits for them.
 
         Raises
         ------
@@ -249,7 +249,7 @@ class SkinBus:
         if self._network is not None:
             self._network.close()
             self._network = None
-            self.traffic.end(timeout=2.0)  # a call of on_frame may still be running
+            self.traffic.end(timeout=2.0)  # a call to on_frame may still be running
 
     def drop_incomplete(self, is_wanted: bool) -> None:
         """Withhold incomplete taxel frames from now on if ``is_wanted`` is True; emit them otherwise."""

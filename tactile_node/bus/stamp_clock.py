@@ -22,8 +22,9 @@ class StampClock:
     Parameters
     ----------
     host_stamped : bool
-        True if messages carry the wall clock of this host. The socketcan and virtual interfaces stamp on arrival, and
-        slcan stamps when the message is read. False if messages carry the adapter's clock, whose epoch is unknown.
+        True if messages carry stamps from the wall clock of this host. The socketcan and virtual interfaces stamp on
+        arrival, and slcan stamps when the message is read. False if messages carry stamps from the adapter's clock,
+        whose epoch is unknown.
     wall : callable or None
         Function that returns the wall clock [s]; None for ``time.time``.
     steady : callable
@@ -53,7 +54,8 @@ class StampClock:
         self.restart()
 
     def restart(self) -> None:
-        """Adopt the present wall clock. The stamps may go back after a restart, so the caller must allow for that."""
+        """Adopt the present time of the wall clock. The stamps may go back after a restart, so the caller must allow
+        for that."""
         with self._lock:
             self.ahead = 0.0
             wall, steady = self._both()
@@ -87,12 +89,13 @@ class StampClock:
                 return wall + self.ahead - self._adapter_age(timestamp, steady)
             if steady - self._jumped > 2.0:  # all messages stamped before the jump have arrived by now
                 return timestamp + self.ahead
-            # ages of a message stamped after and before the jump
+            # age of a message stamped after the jump, and of one stamped before the jump
             ages = [wall - timestamp, steady + self._before - timestamp]
             return wall + self.ahead - min((age for age in ages if age >= 0), default=0.0)
 
     def age(self, stamp: float) -> float:
-        """Return the age of a stamp [s]. The age is correct even if the wall clock was set once since the stamp.
+        """Return the age of a stamp [s]. The age is correct even if the wall clock was set once after the message was
+        stamped.
 
         Parameters
         ----------

@@ -76,7 +76,7 @@ class Schedule:
         self.overruns = 0
 
     def begin(self, at: float) -> None:
-        """Note that the pending call begins at the time ``at`` [s], and schedule the next call."""
+        """Record that the pending call begins at the time ``at`` [s], and schedule the next call."""
         missed = int((at - self._ideal) / self._period)
         self.overruns += missed
         self._ideal += (missed + 1) * self._period

@@ -47,7 +47,7 @@ class Traffic:
     queue_limit : int
         Largest number of CAN frames that may wait for the assembler.
     is_host_stamped : bool
-        True if messages carry the wall clock of this host; see `StampClock`.
+        True if messages carry stamps from the wall clock of this host; see `StampClock`.
     sync_period : float
         Time between two SYNCs [s].
     """
@@ -78,7 +78,7 @@ class Traffic:
     def begin(self) -> None:
         """Start the assembler thread with an empty queue.
 
-        If the previous assembler thread still hangs in a call, that thread ends after the call.
+        If the previous assembler thread is still blocked in a call, that thread ends after the call.
         """
         self._put = self._fed = 0
         self._is_gap = True
@@ -87,7 +87,7 @@ class Traffic:
         self._thread.start()
 
     def end(self, timeout: float) -> None:
-        """End the assembler thread after all calls queued so far, and wait up to ``timeout`` [s] for its end."""
+        """End the assembler thread after all calls queued so far, and wait up to ``timeout`` [s] for it to end."""
         self._queue.put(None)
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(timeout)
@@ -99,7 +99,7 @@ class Traffic:
         self.put(self._router.restart)
 
     def put(self, call: Callable[..., object], *args: object) -> None:
-        """Queue a call for the assembler thread, after all messages received so far.
+        """Queue a call for the assembler thread behind all messages received so far.
 
         Any thread may call ``put``. The method returns immediately.
 
@@ -155,7 +155,7 @@ class Traffic:
         return after + lead, until + lead
 
     def _most_free(self, batch: Batch, is_gap: bool) -> float:
-        """Return an upper bound of the time for which the bus was free before this batch, on the steady clock [s].
+        """Return an upper bound on the time for which the bus was free before this batch, on the steady clock [s].
 
         The bound is 0 if frames before this batch may be missing (``is_gap``).
         """
@@ -187,7 +187,7 @@ class Traffic:
             self._monitor.feed_other(message)
         elif self._monitor.feed_error(message):
             self._on_failure(BusFault.BUS_OFF, BusError(
-                'CAN controller', expected='to take part in the bus', got='bus-off',
+                'CAN controller', expected='to take part in bus traffic', got='bus-off',
                 remedy='Check bit rate, wiring and termination; set restart-ms on socketcan.'))
 
     def sent(self, can_id: int, data: bytes) -> None:

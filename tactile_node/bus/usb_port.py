@@ -26,7 +26,8 @@ class UsbIdentity(NamedTuple):
 class UsbPort:
     """A serial port whose adapter is remembered when the port is first opened.
 
-    Later calls open only this adapter, no matter which device name it has. Another adapter would belong to another bus.
+    Later calls open only this adapter, even if its device name has changed. Another adapter would belong to another
+    bus.
 
     Parameters
     ----------

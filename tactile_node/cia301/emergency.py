@@ -47,7 +47,7 @@ class Emergency(NamedTuple):
 
 
 def decode_emergency(data: bytes, stamp: float) -> Emergency:
-    """Decode an EMCY message of any length. Real devices also send short and even empty ones.
+    """Decode an EMCY message of any length. Real devices also send short and even empty EMCY messages.
 
     >>> str(decode_emergency(bytes.fromhex('1042090000000000'), 0.0))
     'EMCY 0x4210 (device temperature), error register: generic, temperature'

@@ -1,6 +1,6 @@
-"""Compute the largest number of bits that a CAN frame takes on the wire.
+"""Compute the largest number of bits that a CAN frame can occupy on the bus.
 
-The rules are those of ISO 11898-1 for classical frames (Bosch CAN 2.0).
+The rules follow ISO 11898-1 for classical frames (Bosch CAN 2.0).
 """
 
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""Keep the heartbeats of the nodes (CiA 301, NMT error control) and the last state that each node reported."""
+"""Store each node's last heartbeat and last reported state (CiA 301, NMT error control)."""
 
 import threading
 import time

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 MIN_NODE_ID = 1
 MAX_NODE_ID = 127
-ALL_NODES = 0  #: node-ID in an NMT command that addresses all nodes
+ALL_NODES = 0  #: node-ID with which an NMT command addresses all nodes
 
-#: bit rates of CiA 301 (5.4) [bit/s]; earlier versions of CiA 301 also have 100,000
+#: bit rates defined by CiA 301 (5.4) [bit/s]; earlier versions also define 100,000
 BIT_RATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 
 
@@ -87,7 +87,7 @@ MAX_INDEX = 0xFFFF
 MAX_SUBINDEX = 0xFE
 
 
-FIRST_INDEX = 0x1000  #: indices below this one are data types (CiA 301, 7.4.1), which no SDO server provides
+FIRST_INDEX = 0x1000  #: lower indices are data types (CiA 301, 7.4.1), which no SDO server provides
 _ADDRESS = re.compile(r'(0x[0-9a-f]+|[0-9]{5,})(?::(0x[0-9a-f]+|[0-9]+))?', re.IGNORECASE)
 
 

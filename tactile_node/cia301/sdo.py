@@ -156,7 +156,8 @@ class SdoUpload:
         return self._finish() if frame[0] & constants.NO_MORE_DATA else Step.NOTHING
 
     def _block_segment(self, frame: bytes) -> Step:
-        """Keep a segment if it is the next one in order. After a gap, the server repeats all following segments."""
+        """Store a segment if it is the next one in the sequence. After a gap, the server repeats all following
+        segments."""
         if frame[0] & ~constants.NO_MORE_BLOCKS == len(self._segments) + 1:
             self._segments.append(frame[1:])
             self._has_last = bool(frame[0] & constants.NO_MORE_BLOCKS)

@@ -1,4 +1,4 @@
-"""Apply all corrections of one pad's frames between the bus and their consumers."""
+"""Apply all corrections to the frames of one pad before other code uses them."""
 
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ class PadCondition(NamedTuple):
     unchanged: float = 0.0  #: time during which no taxel has changed its value [s]
     is_frozen: bool = False
     zero: ZeroState = ZeroState.VALID          #: state of the zero; values are valid only in the state VALID
-    zero_error: HalfZeroedError | None = None  #: report of a device that has zeroed only some of its channels
+    zero_error: HalfZeroedError | None = None  #: error of a device that has zeroed only some of its channels
     other_publishers: tuple[str, ...] = ()     #: full names of other nodes that also publish the taxels of this pad
 
 
@@ -40,9 +40,9 @@ class ConditionedPad:
 
     The published value is curve(gain x (reading - zero)), or NaN for a faulty taxel.
 
-    If no reading of a pad changes at all for ``frozen_after`` [s], the pad has stopped sampling. In a frozen pad, no
-    value is valid, and all taxels are STALE. Use this check only for skins whose readings always fluctuate. A value of
-    0 turns the check off.
+    If no reading of a pad changes at all for ``frozen_after`` [s], the pad has stopped sampling. While the pad is
+    frozen, no value is valid, and all taxels are STALE. Use this check only for skins whose readings always fluctuate.
+    A value of 0 turns the check off.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class ConditionedPad:
         self._known = known
         self.gains = gains
         self._curve = curve
-        self.faults = known  #: known faulty taxels, and those found by the detector
+        self.faults = known  #: faulty taxels known in advance, and those found by the detector
         self._found: FaultyTaxels | None = None
         self._status = np.zeros_like(known.kinds)
 
@@ -104,7 +104,8 @@ class ConditionedPad:
         return frame
 
     def _count_unchanged(self, frame: TaxelFrame) -> None:
-        """Add the time since the previous frame if the frame has readings. Start again if the stamp goes backwards."""
+        """Add the time since the previous frame if this frame has readings. Restart at 0 if the stamp goes
+        backwards."""
         step, self._stamp = frame.stamp - self._stamp, frame.stamp
         if self.detector.has_changed or step < 0:
             self.unchanged = 0.0

@@ -6,7 +6,7 @@ from tactile_node.taxel_frame import read_only
 
 TIME_CONSTANT = 20.0  #: Time constant with which the zero follows a small step [s].
 DRIFT_RATE = 1 / 300  #: Largest drift per second, as a share of ``limit``. A faster change does not count as drift.
-PRESSED_SHARE = 0.5   #: Share of ``limit``. A taxel that reads this much above its zero may be part of a contact.
+PRESSED_SHARE = 0.5   #: A taxel that reads at least this share of ``limit`` above its zero may be part of a contact.
 
 #: Time for which no taxel may be part of a contact before the zero follows the readings again [s].
 QUIET_TIME = 2.0
@@ -17,10 +17,10 @@ class DriftFollower:
 
     The zero of the whole pad is held while any taxel reads PRESSED_SHARE x limit above its zero, and for QUIET_TIME
     afterwards. A grasp is therefore never mistaken for drift, even if it is present from the first frame. The readings
-    of the taxels around a grasp are not mistaken for drift, either. The zero is also held while a taxel that previously
-    had a value has none.
+    of the taxels around a grasp are not mistaken for drift, either. If a taxel that previously had a value has none,
+    the zero is also held.
 
-    This way of following drift has two drawbacks. If the readings drift by more than PRESSED_SHARE x limit during one
+    This method has two drawbacks. If the readings drift by more than PRESSED_SHARE x limit during one
     grasp, a tare is needed. A lighter touch is mistaken for drift, but changes the zero by no more than DRIFT_RATE x
     limit per second.
 

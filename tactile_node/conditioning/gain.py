@@ -47,7 +47,7 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
     if gains.shape != (rows, cols):
         raise ConfigurationError(where, expected=f'{rows} rows of {cols} gains, one for each taxel of the pad',
                                  got=f'shape {gains.shape}', remedy='Give the gains of this pad.')
-    low, high = 0.01, 100.0  # gains outside this range are typing errors or belong to dead taxels
+    low, high = 0.01, 100.0  # gains outside this range are typing errors or the gains of dead taxels
     wrong = ~((gains >= low) & (gains <= high))  # the condition is also true for NaN
     if wrong.any():
         row, col = np.argwhere(wrong)[0]
@@ -59,7 +59,7 @@ def load_gains(path: str | Path, rows: int, cols: int) -> np.ndarray:
 
 
 class ResponseCurve(NamedTuple):
-    """A curve of straight lines between nodes, from (0, 0) upwards. For negative readings, the curve is mirrored.
+    """A piecewise linear curve through nodes that rise from (0, 0). For negative readings, the curve is mirrored.
 
     Beyond the last node, the last line is extended.
     """

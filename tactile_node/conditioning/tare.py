@@ -49,7 +49,7 @@ def rest_limit(given: float, unit: str) -> float:
 
 
 def drift_limit(given: float, unit: str, gains: np.ndarray | None = None) -> float:
-    """Return the limit up to which the zero may follow a drift.
+    """Return the largest drift that the zero may follow.
 
     If ``given`` is above the tare limit of the unit, the zero could hide a grasp. If the largest of ``gains`` amplifies
     a zero error above the contact threshold, the error looks like a contact. The result is therefore the lower of both
@@ -142,7 +142,7 @@ class ContactGuard(NamedTuple):
 
 
 class ZeroState(PhrasedCode):
-    """State of a pad's zero, no matter whether the driver or the device subtracts it."""
+    """State of a pad's zero, whether the driver or the device subtracts the zero."""
 
     NOT_KNOWN = 0, 'the state of its zero is not known'
     VALID = 1, 'its zero is valid'
@@ -240,7 +240,7 @@ class TaredPad:
     def __init__(self, guard: ContactGuard, drift: DriftFollower | None = None):
         self.offset: np.ndarray | None = None
         self.drift = drift
-        self.zero_error: HalfZeroedError | None = None  #: report of a device that has zeroed only some of its channels
+        self.zero_error: HalfZeroedError | None = None  #: error of a device that has zeroed only some of its channels
         self._guard = guard
         self._zero_state = ZeroState.VALID
         self._boots: Callable[[], int] | None = None  # function that counts boot-ups of a device that has zeroed itself
@@ -306,12 +306,12 @@ class TaredPad:
                    timeout: float) -> tuple[int, Tare]:
         """Command the device to zero itself, then subtract the remaining offset.
 
-        Under load, the request is refused before it reaches the device, because the device would store the load as its
-        zero. After the command, no value is valid until the new tare is known, even if the tare fails.
+        If the pad is under load, the request is refused before it reaches the device, because the device would store
+        the load as its zero. After the command, no value is valid until the new tare is known, even if the tare fails.
 
-        After the tare, ``boots`` shows whether the device still has its zero. According to CiA 404, a device loses its
-        zero in a reset unless it was commanded to save the zero. Once the device has lost its zero, no value is valid
-        until the next tare.
+        After the tare, ``boots`` shows whether the device still has its zero. According to CiA 404, a reset erases the
+        zero of a device unless the device was commanded to save it. Once the device has lost its zero, no value is
+        valid until the next tare.
 
         If ``zero_device`` raises an error, the previous state is restored. After a HalfZeroedError, however, no value
         is valid.

@@ -21,12 +21,12 @@ FALLEN_SHARE = 0.6  #: A contact is over when at least this share of the taxels 
 #: A contact is over when at most this share of the taxels pressed at its height are still pressed. The share is not
 #: higher because edges come and go during a grasp.
 RELEASED_SHARE = 0.5
-APART = 3.0  #: Smallest distance between the centres of the contacts that prove a taxel dead [taxels].
-ALIVE = 0.1  #: Share of the limit. A taxel that reads this much counts as alive.
+APART = 3.0  #: Smallest distance between the centres of the contacts that prove that a taxel is dead [taxels].
+ALIVE = 0.1  #: A taxel that reads at least this share of the limit counts as alive.
 SIDE_DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
-JUMP_SHARE = 2.0      #: Share of the limit. A larger change from one frame to the next is a jump.
+JUMP_SHARE = 2.0      #: A change from one frame to the next by at least this multiple of the limit is a jump.
 
-#: Share of the limit. A jump is a lone jump if no neighbour changes by this much in the same frame.
+#: A jump is a lone jump if no neighbour changes by this share of the limit in the same frame.
 ALONE_SHARE = 0.5
 FLICKER_TIME = 5.0    #: Time over which lone jumps are counted [s].
 FLICKER_JUMPS = 40    #: Number of lone jumps within FLICKER_TIME that make a taxel flickering.
@@ -67,10 +67,10 @@ class FaultDetector:
     taxels are stuck than any contact presses.
 
     - A taxel is *dead* if it was not ALIVE in CONTACTS contacts, although pressed taxels lay on both sides of it in two
-      of four directions. The centres of these contacts must be APART. A ring that is pressed at several places then
-      also presses the taxels that once lay in its hole. A taxel in the corner of a pad has no two sides, so it is never
-      found dead. Blocks of dead taxels are not found either, because a hole of more than two taxels contains taxels
-      without pressed taxels on both sides.
+      of four directions. The centres of these contacts must be APART. If a ring is pressed at several such places, it
+      also presses the taxels that lay in its hole before. A taxel in the corner of a pad has no two sides, so it is
+      never found dead. Blocks of dead taxels are not found either, because a hole of more than two taxels contains
+      taxels without pressed taxels on both sides.
 
     - A taxel is *stuck* if it was pressed at the end of CONTACTS contacts, and its value has been bit-identical since
       before the first of these contacts. A stuck taxel must be alone or have fewer stuck neighbours than a contact has
@@ -104,7 +104,7 @@ class FaultDetector:
         self._is_saturated = np.zeros(shape, bool)
         self._frames = 0.0
         self._unknown = np.ones(shape, bool)  # taxels without a value in the last frame
-        self.has_changed = False              # True if any taxel has changed in the last frame
+        self.has_changed = False              # True if any taxel changed in the last frame
         self.faults = FaultyTaxels(read_only(np.zeros(shape, np.uint8)))
 
     def update(self, stamp: float, values: np.ndarray, zero: np.ndarray | float,
@@ -294,7 +294,8 @@ def save_faults(path: str | Path, faults: Mapping[str, FaultyTaxels]) -> None:
 
 
 def _usable(path: str | Path) -> Path:
-    """Return the path with ``~`` expanded. ConfigurationError is raised if the system cannot look for this path."""
+    """Return the path with ``~`` expanded. The function raises ConfigurationError if the system cannot look up this
+    path."""
     try:
         expanded = Path(path).expanduser()
         expanded.exists()

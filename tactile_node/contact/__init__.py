@@ -1,1 +1,1 @@
-"""Turn a taxel frame into a contact pattern, which says which taxels are pressed and which of them belong together."""
+"""Turn a taxel frame into a contact pattern, which groups the pressed taxels by contact."""

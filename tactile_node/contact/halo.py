@@ -7,16 +7,16 @@ import numpy as np
 
 from tactile_node.contact.neighbours import box_of, grown
 
-SKIRT_REACH = 2  #: Distance from a contact at which its halo is visible but its own rim is not [taxels].
+SKIRT_REACH = 2  #: Distance from a contact at which only its halo, and not its rim, is visible [taxels].
 LEAST_SKIRT = 8  #: Smallest number of taxels that can show a halo.
 
 #: Quantile of the readings around a contact at which the halo is measured. A halo surrounds its contact on all sides.
 #: Around a tilted or uneven contact without a halo, the lowest quarter of the readings is at rest.
 ALL_ROUND = 0.25
 #: Smallest halo, as a share of the contact's mean reading. Simulated contacts on elastic layers, and contacts on arrays
-#: that read 0 at rest, have less.
+#: that read 0 at rest, have smaller halos.
 LEAST_HALO = 0.02
-#: Distance over which a halo falls to about a third (1/e) [taxels]. The value was chosen on simulated halos of five
+#: Distance over which a halo falls to about a third (1/e) [taxels]. The value was chosen with simulated halos of five
 #: profiles.
 HALO_LENGTH = 4.0
 
@@ -56,7 +56,8 @@ def halo_of(raised: np.ndarray, valid: np.ndarray, pressed: np.ndarray) -> np.nd
 
 
 def _lowest_quarter(values: np.ndarray) -> float:
-    """Return the value below which a quarter of ``values`` lies, five times as fast as numpy's quantile."""
+    """Return the value below which a quarter of ``values`` lies, computed five times as fast as with numpy's
+    quantile."""
     place = int(ALL_ROUND * values.size)
     return float(np.partition(values, place)[place])
 

@@ -11,9 +11,9 @@ REMAINING_SHARE = 1 / 3  #: A group can be left over if it has at most this shar
 RELEASE_FRAMES = 15
 RETURN_GROWTH = 2  #: Factor by which a left-over group must grow to count as a contact again.
 
-#: Largest gap between pieces of one contact [taxels]. Silent lines of taxels tear a contact into pieces.
+#: Largest gap between pieces of one contact [taxels]. Silent lines of taxels split a contact into pieces.
 PIECES_APART = 2
-#: Smallest share of the taxel sides in a contact that two of its taxels have in common. Left-over groups and random
+#: Smallest share of a contact's taxel sides that lie between two of its taxels. Left-over groups and random
 #: groups are ragged and have a smaller share.
 LEAST_COMPACTNESS = 0.62
 #: Time after which the history of a taxel that is no longer pressed is forgotten [frames]. A shorter time would forget
@@ -30,8 +30,8 @@ class LeftOver:
     - The group has at most a third (REMAINING_SHARE) of the taxels of the largest contact that the taxel belonged to.
       Pieces that are close to each other count as one group.
 
-    - The group is ragged, or all of it shrank to that size within RELEASE_FRAMES. An object that leaves more slowly is
-      still a contact.
+    - The group is ragged, or all of its taxels were part of a contact that shrank to that size within RELEASE_FRAMES. A
+      contact that shrinks more slowly remains a contact.
 
     Left-over taxels become a contact again when a contact reaches them, or when a group that shrank grows by
     RETURN_GROWTH. If a taxel was pressed in the first frame, its earlier contact is unknown, so the taxel cannot be

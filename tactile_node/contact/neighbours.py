@@ -70,7 +70,7 @@ def grown(mask: np.ndarray) -> np.ndarray:
 
 
 def framed(taxels: np.ndarray) -> np.ndarray:
-    """Return ``taxels`` with a row or column of zeros added on each side, five times as fast as `numpy.pad`.
+    """Return ``taxels`` with a row or column of zeros added on each side (five times as fast as `numpy.pad`).
 
     >>> framed(np.array([[7]])).tolist()
     [[0, 0, 0], [0, 7, 0], [0, 0, 0]]

@@ -12,7 +12,7 @@ FEWEST_TAXELS = 8     #: Smallest number of taxels from which a level can be com
 RESTING_SHARE = 0.25  #: Share of the visible taxels that must rest. An object may cover the other taxels.
 
 #: A taxel counts as resting if it reads at most this many standard deviations above the mean of the resting taxels. The
-#: limit is low because the readings of a light contact begin just above it.
+#: limit is low because the readings of a light contact are only just above it.
 TAKEN_SPREADS = 2.5
 #: With the limit above, the upper 1 % of normally distributed values are missing. The mean of the remaining values is
 #: too low by this many of their standard deviations.
@@ -48,8 +48,8 @@ def resting_of(values: np.ndarray) -> Resting:
     """Return the level and the noise of the taxels at rest.
 
     The function clips high outliers (one-sided sigma clipping). The calculation begins with the lowest quarter of the
-    values. In each round, all values up to 2.5 standard deviations above the mean of the accepted values are added,
-    until no value is new. The level and the deviation are corrected for the clipping, assuming normally distributed
+    values. Each round adds all values up to 2.5 standard deviations above the mean of the accepted values. The rounds
+    end when no value is new. The level and the deviation are corrected for the clipping, assuming normally distributed
     values.
 
     Parameters
@@ -148,11 +148,11 @@ class NoiseFloor:
 
     The noise of a taxel is the root mean square of its readings about the level at rest. The noise includes the taxel's
     own offset and is at least the noise over the resting taxels of the frame. Where taxels rise together, no noise is
-    learned, because a slowly growing contact must not become noise. Until a taxel has rested for LEARNED_FRAMES frames,
-    the noise of the frame replaces the noise of the taxel. Taxels under an object that is held from the start therefore
-    use the noise of the frame.
+    learned, because a slowly growing contact must not be learned as noise. Until a taxel has rested for LEARNED_FRAMES
+    frames, the noise of the frame replaces the noise of the taxel. Taxels under an object that is held from the start
+    therefore use the noise of the frame.
 
-    The level at rest rises slowly and falls immediately. When an object comes to cover the whole pad, even the lowest
+    The level at rest rises slowly and falls immediately. When an object covers the whole pad, even the lowest
     taxels are pressed, and the level must not rise to their readings. While something presses the pad, the noise is
     limited to LOUDER_RATIO times the noise before the touch. The limit prevents a held object from disappearing in the
     noise of a motor.

@@ -109,7 +109,7 @@ class PatternExtractor:
     An array without a unit is on/off if its values are 0 and at most one other number.
 
     A taxel without a valid value (NaN, infinite) is not part of the pattern. Such a taxel keeps its hysteresis state
-    until its value is valid again. However, the contact also gets the invalid taxels that it fully encloses, because a
+    until its value is valid again. However, a contact includes the invalid taxels that it fully encloses, because a
     dead taxel under an object is not a hole in the object.
 
     Taxels that stay pressed after their contact is gone are hidden (`LeftOver`). Left-over taxels are not reported as a
@@ -268,7 +268,7 @@ def are_alike(values: np.ndarray) -> bool:
 
 
 def _are_raised(values: np.ndarray) -> bool:
-    """Return True if all taxels read above 0 and their readings differ as much as under a load.
+    """Return True if all taxels read above 0 and their readings vary as much as they do under a load.
 
     Readings at rest vary less than readings under a load.
     """
@@ -405,7 +405,7 @@ def _taxels(given: ArrayLike | None, shape: tuple[int, ...], name: str) -> np.nd
     taxels = np.array(given)
     if taxels.shape != shape or taxels.dtype != bool:
         raise InputError(f'{name} taxels', expected=f'bool, shape {shape}', got=f'{taxels.dtype}, shape {taxels.shape}',
-                         remedy='Pass an array of the shape of the frame, or None.')
+                         remedy='Pass an array with the shape of the frame, or None.')
     return taxels
 
 

@@ -1,4 +1,5 @@
-"""Check that readings are in their unit, because users easily pass counts or fractions of full scale as pascal."""
+"""Check that readings are in their unit, because users may pass counts or fractions of full scale as pascals by
+mistake."""
 
 import numpy as np
 

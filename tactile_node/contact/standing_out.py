@@ -94,7 +94,7 @@ def _found(raised: np.ndarray, valid: np.ndarray, threshold: Threshold, ease: np
     pressed = np.zeros(raised.shape, bool)
     if np.count_nonzero(candidates):
         candidates &= raised >= min(threshold.highest_rest - threshold.level, HALO_SHARE * raised.max())
-        # the computing time then depends on the size of the contacts, not on that of the pad
+        # the computing time then depends on the size of the contacts, not on the size of the pad
         box = box_of(candidates, HALO_REACH)
         pressed[box] = _pressed(raised[box], candidates[box], ease[box], ALONE_SPREADS * threshold.noise[box])
     return pressed
@@ -127,7 +127,7 @@ def _outlined(raised: np.ndarray, candidates: np.ndarray, ease: np.ndarray) -> n
     groups, count = ndimage.label(candidates, EIGHT_CONNECTED)
     flat, weight = groups.reshape(-1), raised.reshape(-1)
     sums = np.bincount(flat, weight, count + 1)
-    sums[0] = 1.0  # taxels outside any group may add up to 0
+    sums[0] = 1.0  # the values of taxels outside any group may add up to 0
     levels = np.bincount(flat, weight * weight, count + 1) / sums
     local = levels[groups]
     inside = candidates & (raised >= OUTLINE_SHARE * local)

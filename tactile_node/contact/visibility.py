@@ -14,7 +14,7 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.taxel_frame import NO_SIDE, SkinSide
 
-#: Share of a contact's taxels. If this many connected taxels beside the contact are hidden, the size of the contact may
+#: Share of a contact's taxels. If that many connected taxels beside the contact are hidden, the size of the contact may
 #: be wrong by this share.
 CONTACT_PART = 0.1
 

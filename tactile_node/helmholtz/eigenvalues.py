@@ -9,11 +9,11 @@ state. Each round gives certain bounds for every Λ:
 - If (A - s) x = x' with x, x' > 0, then Λ >= s + min x'_i / x_i (Collatz-Wielandt). Any s for which A - s has a
   Cholesky factor is also a lower bound.
 
-For an iterate x with ‖x‖ = 1, an eigenvalue lies within ‖A x - θ x‖ of θ. The iterate is accepted if this distance is
-at most 2e-10 θ. Otherwise, the next round uses a shift just below θ. If the caller requests only the extremes over the
-rotations, patterns that these bounds exclude as extremes are dropped, most of them after the first round. Parts that do
-not converge in time are solved by a dense solver. Such parts consist of weakly joined pieces with nearly equal
-eigenvalues.
+For an iterate x with ‖x‖ = 1, an eigenvalue differs from θ by at most ‖A x - θ x‖. The iterate is accepted if this
+distance is at most 2e-10 θ. Otherwise, the next round uses a shift just below θ. If the caller requests only the
+extremes over the rotations, patterns that these bounds exclude as extremes are dropped, most of them after the first
+round. Parts that do not converge in time are solved by a dense solver. Such parts consist of weakly joined pieces with
+nearly equal eigenvalues.
 """
 
 from typing import NamedTuple
@@ -32,7 +32,7 @@ SHIFT_MARGIN = 1.2                    #: Distance of the shift below the Rayleig
 FIRST_SHIFT = 0.7 * np.pi * 2.404825557695773 ** 2
 SHIFT_BELOW = 0.02     #: Distance of the first shift below the smallest row sum, which itself is a lower bound.
 
-#: Number of taxels processed together. The data of this many taxels fit into the processor's cache.
+#: Number of taxels processed together. The data for this many taxels fit into the processor's cache.
 CHUNK_COLUMNS = 5_000
 
 _NEIGHBOURS = {Stencil.FIVE: ndimage.generate_binary_structure(2, 1),

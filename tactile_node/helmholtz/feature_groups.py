@@ -1,4 +1,4 @@
-"""Name the groups of features. The module is separate so that a command line loads quickly."""
+"""Name the groups of features. The module is separate so that the command line loads quickly."""
 
 from enum import Flag, auto
 

@@ -40,8 +40,8 @@ def gravity(taxels: TaxelList, stencil: Stencil) -> dict[str, np.ndarray]:
 
     Notes
     -----
-    A pair of neighbours i > j has the weight A(i,j) at the point ((i-1)/(N-1), (j-1)/(N-1)). Summed over j, the weights
-    belong to the neighbours before taxel i. Summed over i, the weights belong to the neighbours after taxel j.
+    A pair of neighbours i > j has the weight A(i,j) at the point ((i-1)/(N-1), (j-1)/(N-1)). The sum over j contains
+    the weights of the neighbours before taxel i. The sum over i contains the weights of the neighbours after taxel j.
     """
     weights = WEIGHTS[stencil]
     before = _weigh(taxels.earlier_edge, taxels.earlier_corner, weights)

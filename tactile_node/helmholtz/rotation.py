@@ -3,8 +3,8 @@
 The x axis runs along a row (column index), and the y axis runs across rows (row index). Positive angles rotate x
 towards y. Points are rotated about the centre of gravity of the real points and rounded to the nearest fine point. A
 coordinate half-way between two fine points is rounded up. A coordinate within 1e-9 of half-way counts as half-way, so
-that rounding errors have no influence. All computations use the coordinates of the pattern's bounding box. The result
-is therefore bit-identical wherever the pattern lies on the pad.
+that rounding errors do not affect the result. All computations use the coordinates of the pattern's bounding box. The
+result is therefore bit-identical wherever the pattern lies on the pad.
 """
 
 import math
@@ -66,8 +66,8 @@ def decimated(mask: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
     """Return the decimated patterns at ANGLES, before the hole rules are applied.
 
     The function does not rotate every point forward. Instead, the function rotates each taxel site back. Only the four
-    fine points around the resulting place can be rounded to this site, so the function rotates only these four points
-    forward to check.
+    fine points around the resulting position can be rounded to this site, so the function rotates only these four
+    points forward to check.
 
     Parameters
     ----------
@@ -139,7 +139,8 @@ _BLOCK_POINTS = _block_points()
 
 
 def _cosines_and_sines() -> tuple[np.ndarray, np.ndarray]:
-    """Return the cosine and sine of ANGLES, (46,). Rational values are exact, so that ties stay ties."""
+    """Return the cosine and sine of ANGLES, (46,). Rational values are exact, so that half-way points remain exactly
+    half-way."""
     cos, sin = np.cos(np.radians(ANGLES)), np.sin(np.radians(ANGLES))
     cos[[0, 15, 30, 45]], sin[[0, 45]] = (1, 0.5, -0.5, -1), 0  # at 0, 60, 120 and 180 degrees
     return cos, sin
@@ -168,7 +169,7 @@ def _sites_within(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.nda
 def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, angles: slice) -> np.ndarray:
     """Return the angles and sites at which an active point arrives, as indices into a flattened array (angles, n).
 
-    ``offset``, (2, n), is the place of each site relative to the centre. ``fine`` comes from `_corner_bits`, and
+    ``offset``, (2, n), is the position of each site relative to the centre. ``fine`` comes from `_corner_bits`, and
     ``centre`` is given in the coordinates of ``fine``.
     """
     x, y = np.matmul(_BACK[:, angles], offset) + centre[:, np.newaxis, np.newaxis]
@@ -186,7 +187,7 @@ def _reached(fine: np.ndarray, offset: np.ndarray, centre: np.ndarray, angles: s
 
 
 def _corner_bits(fine: np.ndarray, centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the active corners of each fine cell as bits, and the place (x, y) of the first cell.
+    """Return the active corners of each fine cell as bits, and the position (x, y) of the first cell.
 
     Bits 1, 2, 4 and 8 denote the corners (x, y), (x+1, y), (x, y+1) and (x+1, y+1). The array of cells covers all
     points within ``radius`` of the ``centre``.
@@ -207,7 +208,7 @@ def _rounds_onto(bits: np.ndarray, x: np.ndarray, y: np.ndarray, cos: np.ndarray
 
     ``bits`` tells which corners of the cell are active.
     """
-    u = sin * y - cos * x + TIE_TOLERANCE  # place of the rotated corner (0, 0) relative to the site
+    u = sin * y - cos * x + TIE_TOLERANCE  # position of the rotated corner (0, 0) relative to the site
     v = TIE_TOLERANCE - sin * x - cos * y
     arriving = np.zeros(len(bits), np.uint8)
     for bit, du, dv in ((1, 0, 0), (2, cos, sin), (4, -sin, cos), (8, cos - sin, cos + sin)):

@@ -40,7 +40,7 @@ class TaxelList(NamedTuple):
     """
 
     shape: tuple[int, int, int]  #: K, padded rows, padded cols
-    site: np.ndarray             #: place of the taxel in the padded and flattened stack
+    site: np.ndarray             #: index of the taxel in the padded and flattened stack
     start: np.ndarray            #: number of taxels before each pattern, shape (K + 1,)
     counts: np.ndarray           #: N of each pattern, shape (K,)
     number: np.ndarray           #: number of the taxel within its pattern, starting at 0
@@ -119,7 +119,8 @@ def ringed_taxel_list(masks: np.ndarray) -> TaxelList:
 
 
 def _neighbours(active: np.ndarray, near: int, far: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of active taxels ``near`` and ``far`` places before each site, and the number after it."""
+    """Return the number of active taxels ``near`` and ``far`` places before each site, and the number after each
+    site."""
     before, after = np.zeros((2, len(active)), np.uint8)
     before[near:] = active[:-near]
     before[far:] += active[:-far]

@@ -10,7 +10,7 @@ import numpy as np
 
 from training.ground_truth.half_space import Influence, displacement_influence
 
-TOLERANCE = 1e-6  #: Change of the pressures in one step at which the iteration stops [fraction of the load].
+TOLERANCE = 1e-6  #: The iteration stops when the pressures change by less than this fraction of the load in one step.
 MOST_STEPS = 1000
 
 
@@ -38,7 +38,7 @@ def press(gap: np.ndarray, cell: float, load: float, tolerance: float = TOLERANC
     load : float
         Load, in units of E* and length².
     tolerance : float
-        Change of the pressures in one step at which the iteration stops [fraction of the load].
+        The iteration stops when the pressures change by less than this fraction of the load in one step.
 
     Raises
     ------

@@ -18,7 +18,7 @@ Primitive = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Influence:
-    """A convolution of cell values, with the array shape ``shape``, and a response that is even in x and y.
+    """Convolution of cell values, an array of shape ``shape``, with a response that is even in x and y.
 
     The result is the response at the centres of the cells, and of ``margin`` more cells on each side.
     """
@@ -54,7 +54,7 @@ def stress_influence(shape: tuple[int, int], cell: float, depth: float, margin: 
     Compression is positive.
 
     The response to a point load is Boussinesq's 3 z³ / (2π (r² + z²)^(5/2)). This response is integrated over a cell
-    (Newmark 1935). The result depends on no elastic constant.
+    (Newmark 1935). The result does not depend on any elastic constant.
     """
     if not depth > 0:
         raise ValueError(f'depth {depth!r}: expected a positive depth')

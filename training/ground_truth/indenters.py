@@ -1,4 +1,4 @@
-"""Describe rigid indenters as gap surfaces: flat punches with rounded edges, balls, lying cylinders and cones.
+"""Describe rigid indenters as gap surfaces: flat punches with rounded edges, balls, cylinders on their side and cones.
 
 Lengths are in units of the square root of the nominal contact area, and pressures in units of the contact modulus E*. A
 half-space has no length scale, so one solution holds for every size. The ``compression`` of an indenter is its mean
@@ -15,7 +15,7 @@ import numpy as np
 from tactile_node.pose.outlines import OUTLINES, edges_of
 from tactile_node.simulator.world import Contact
 
-#: Size of the grid relative to the contact of the closed form, for indenters without a silhouette.
+#: Size of the grid relative to the analytical contact, for indenters without a silhouette.
 ROOM = 1.2
 OUTLINE_POINTS = 64  #: Number of points on the outline of a circle.
 
@@ -53,7 +53,7 @@ def flat_punch(contact: Contact, compression: float, rounding: float = 0.0) -> I
 def ball(compression: float) -> Indenter:
     """Return a ball, approximated by a paraboloid.
 
-    According to Hertz, the contact of the ball has the area 1: a³ = 3 P R / (4 E*).
+    According to Hertz, the contact has the area 1 if a³ = 3 P R / (4 E*).
     """
     a = 1 / sqrt(pi)
     radius = 4 * a ** 3 / (3 * compression)
@@ -61,9 +61,9 @@ def ball(compression: float) -> Indenter:
 
 
 def cone(compression: float, tip: float = 0.0) -> Indenter:
-    """Return a cone pressed on its tip.
+    """Return a cone whose tip is pressed into the surface.
 
-    According to Sneddon (1948), the contact of the cone has the area 1: P = π a² E* slope / 2.
+    According to Sneddon (1948), the contact has the area 1 if P = π a² E* slope / 2.
 
     The length ``tip`` is the radius of the paraboloid that replaces the tip [fraction of the contact's radius]. At this
     radius, the paraboloid has the slope of the cone.

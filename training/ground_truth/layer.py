@@ -18,7 +18,8 @@ from training.ground_truth.mechanics import Solution
 #: Distance around the indenter up to which its stress is computed [depths]. Only 0.2 % of the load lies beyond this
 #: distance.
 REACH = 8.0
-#: Largest cell of a stress field [depths]. With this cell, linear interpolation is wrong by at most 1 % at the peak.
+#: Largest cell of a stress field [depths]. With cells of this size, the error of linear interpolation at the peak is at
+#: most 1 %.
 CELL_OF_DEPTH = 0.125
 FINEST = 0.1           #: Smallest cell of a stress field [pitches]. A taxel does not resolve smaller cells.
 
@@ -28,7 +29,7 @@ POINTS = 4
 
 @dataclass(frozen=True)
 class StressField:
-    """Normal stress in the plane of the taxels, in units of the mean pressure.
+    """Normal stress in the taxel plane, in units of the mean pressure.
 
     Lengths are in pitches, in the frame of the indenter.
     """
@@ -54,7 +55,7 @@ def sample(field: StressField, x: float, y: float, angle: float, rows: int, cols
            aperture: float = 1.0) -> np.ndarray:
     """Return the mean stress over each taxel, (rows, cols), for a mean pressure of 1.
 
-    The origin of the indenter is at ``x``, ``y`` [pitches]. Taxel (row, col) is centred at x = col, y = row. The
+    The indenter's origin is at ``x``, ``y`` [pitches]. Taxel (row, col) is centred at x = col, y = row. The
     indenter is rotated by ``angle`` from x towards y. The length ``aperture`` is the side of a taxel's sensitive
     square, where 1 is the whole pitch.
     """

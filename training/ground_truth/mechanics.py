@@ -42,7 +42,7 @@ class Solution:
 
 def solve(indenter: Indenter, tilt: tuple[float, float] = (0.0, 0.0), cells: int = CELLS,
           tolerance: float = TOLERANCE) -> Solution:
-    """Press ``indenter``. A length equal to the square root of the nominal area has ``cells`` cells.
+    """Press ``indenter``. The square root of the nominal area is ``cells`` cells long.
 
     The ``tilt`` is given along x and y. The magnitude of the tilt is a fraction of the rotation at which the rim of a
     flat punch begins to lift off. For a sharp circle, this rotation is exact (θ = P / (4 E* radius²)), and the pressure

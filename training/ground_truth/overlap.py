@@ -1,7 +1,7 @@
 """Measure how familiar a plane figure is: its best intersection over union with any of the five shapes.
 
 Each shape is laid over the figure at many angles and side ratios, on a coarse raster. The simplex method improves the
-best of these starts, all at once. The candidates for the best overlap are then improved on a fine raster.
+best of these starts simultaneously. The candidates for the best overlap are then improved on a fine raster.
 """
 
 from typing import NamedTuple
@@ -20,9 +20,9 @@ STARTS = 3        #: Number of starts from which each shape is improved.
 COARSE_STEPS = 50, 30   #: Number of steps on the coarse raster, for all starts, and for the best start of each shape.
 FINE_STEPS = 70
 MARGIN = 0.03     #: Upper bound of the error of an overlap on the coarse raster.
-TIE = 0.005       #: If the overlaps of two shapes differ by less than this, the shape with fewer dimensions is chosen.
+TIE = 0.005       #: If two overlaps differ by less than this value, the shape with fewer dimensions is chosen.
 
-#: Number of angles over the period of a shape, and of ratios within its limits, that are tried first.
+#: Number of angles (over the period of a shape) and of ratios (within its limits) that are tried first.
 ANGLES, RATIOS = 24, 5
 WIDEST_FIRST = 1.2           #: Largest logarithm of a side ratio that is tried first.
 
@@ -33,7 +33,7 @@ SPREAD = read_only(np.array((0.06, 0.06, 0.1, 0.05, 0.1)))
 
 
 class Limits(NamedTuple):
-    """Limits within which a figure belongs to a shape."""
+    """Limits within which a figure counts as a given shape."""
 
     ratio: tuple[float, float]  #: ratio of a rectangle's sides, long / short
     legs: tuple[float, float]   #: ratio of a right triangle's legs, long / short
@@ -52,13 +52,13 @@ class Overlap(NamedTuple):
 
 
 class _Families(NamedTuple):
-    """The n outlines that are tried. An outline has area 1 if its dimensions are root * exp(±ratio / 2)."""
+    """The n outlines to be tried. An outline has area 1 if its dimensions are root * exp(±ratio / 2)."""
 
     shapes: tuple[str, ...]
     is_round: np.ndarray   #: bool, (n,)
     corners: np.ndarray    #: (n, 4, 2, 2), like the template of an Outline; the first corner of a triangle is repeated
     root: np.ndarray       #: (n,)
-    period: np.ndarray     #: (n,), angle by which a rotation changes nothing [rad]
+    period: np.ndarray     #: (n,), angle of a rotation that does not change the outline [rad]
     low: np.ndarray        #: (n,), smallest logarithm of the first dimension divided by the second
     high: np.ndarray       #: (n,), largest logarithm of the first dimension divided by the second
 
@@ -73,7 +73,8 @@ class _Cells(NamedTuple):
 
 
 def best_overlap(figure: ArrayLike, limits: Limits = ANY) -> Overlap:
-    """Return the shape that overlaps best with ``figure``, and its intersection over union, accurate to about 0.005.
+    """Return the shape that overlaps best with ``figure``, and its intersection over union, with an accuracy of about
+    0.005.
 
     The array ``figure`` contains the corners of one polygon without crossings, (n, 2), x and y. The array can also be a
     raster with any number of pieces, (rows, cols) with more than two columns: bool, or the covered fraction of each

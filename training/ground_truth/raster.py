@@ -1,4 +1,4 @@
-"""Make rasters of plane figures, with the covered fraction of each square cell."""
+"""Rasterise plane figures by computing the covered fraction of each square cell."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +39,8 @@ def coverage(corners: np.ndarray, motions: np.ndarray, window: Window) -> tuple[
 
     The results have the shapes (rows, cols) and (p, rows, cols).
 
-    The ``corners``, (n, 2), run in the sense from x to y. The ``motions``, (p, n, 2), are d corners / d parameter.
+    The ``corners``, (n, 2), are ordered in the direction from x to y. The ``motions``, (p, n, 2), are d corners / d
+    parameter.
     """
     once = np.ones((1, 1))
     covered, changes = coverages(corners[np.newaxis], motions[:, np.newaxis], window, once, once[0])

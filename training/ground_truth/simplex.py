@@ -6,7 +6,7 @@ import numpy as np
 
 #: Function that returns the values, (m,), of poses, (m, p). The second argument is the index of the start of each pose.
 Function = Callable[[np.ndarray, np.ndarray], np.ndarray]
-#: Possible steps of the worst corner: reflected, expanded, contracted outside and contracted inside.
+#: Possible moves of the worst corner: reflected, expanded, contracted outside and contracted inside.
 STEPS = np.array((1.0, 2.0, 0.5, -0.5))[:, None]
 
 
@@ -14,9 +14,9 @@ def maximised(function: Function, starts: np.ndarray, spread: np.ndarray,
               steps: int, enough: float = 1e-4) -> tuple[np.ndarray, np.ndarray]:
     """Return the best poses, (s, p), and their values, (s,), after up to ``steps`` steps of the simplex method.
 
-    The ``starts``, (s, p), are the first corners. The ``spread``, (p,), is the extent of the first simplex. The four
-    places that a step may try are evaluated together. The iteration ends once the corners of every simplex differ by
-    less than ``enough``. The method is described by Nelder and Mead (Computer Journal 7, 308, 1965).
+    The ``starts``, (s, p), are the first corners. The ``spread``, (p,), is the extent of the first simplex. In each
+    step, the function evaluates all four possible poses together. The iteration ends once the corners of every simplex
+    differ by less than ``enough``. The method is described by Nelder and Mead (Computer Journal 7, 308, 1965).
 
     >>> def function(poses, start):
     ...     return -((poses - 1.0) ** 2).sum(1)
@@ -53,7 +53,7 @@ def _evaluated(function: Function, poses: np.ndarray, start: np.ndarray) -> np.n
 
 
 def _choice(found: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the index of the place that replaces the worst corner of each simplex, or -1 if the simplex shrinks."""
+    """Return the index of the pose that replaces the worst corner of each simplex, or -1 if the simplex shrinks."""
     reflected, expanded, outside, inside = found.T
     far = np.where(expanded > reflected, 1, 0)
     near = np.where(reflected > values[:, -1], np.where(outside >= reflected, 2, -1),
