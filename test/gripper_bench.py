@@ -1,4 +1,4 @@
-"""A gripper with its action server, pads that feel a spring, and a client, as nodes of one executor.
+"""A gripper with its action server, pads that press on a simulated spring, and a client, as nodes on one executor.
 
 Time is virtual. In each STEP of virtual time, the gripper moves and the pads measure the result. A bench runs in real
 time only if its gripper node or its pads run in another process.
@@ -234,7 +234,7 @@ class Client:
         self._bench.until(is_answered)
 
     def send(self, position=0.0, speed=0.0, effort=0.0, goal=None):
-        """Send a goal, and return its handle after the goal was accepted."""
+        """Send a goal, and return its handle once the goal has been accepted."""
         sent = self._client.send(position, speed, effort, goal=goal)
         self._bench.until(lambda: sent.handle is not None)
         return sent

@@ -1,4 +1,4 @@
-"""Driver of another bus with the same node names, which publishes both pads as seen and empty.
+"""Driver for another bus with the same node names. It reports both of its pads as seen and empty.
 
     python test/rival_driver.py PERIOD
 

@@ -22,7 +22,7 @@ TIMEOUT = 60.0  #: Time limit on a busy machine [s].
 
 
 class LeanExecutor(SingleThreadedExecutor):
-    """A SingleThreadedExecutor without handlers of events such as "incompatible QoS".
+    """A SingleThreadedExecutor without handlers for events such as "incompatible QoS".
 
     rclpy prepares every entity for every wait, and event handlers are half of all entities. Tests with a TimedBench do
     not need event handlers.
@@ -163,7 +163,7 @@ class TimedBench(RosBench):
         return kind if self.time is None else partial(self.time.of(kind), steady=self.steady)
 
     def on_step(self) -> None:
-        """Do the work of a clock step that belongs to no node."""
+        """Do the part of a clock step's work that belongs to no node."""
 
     def step(self) -> None:
         if self.time is None:
