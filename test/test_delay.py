@@ -1,7 +1,7 @@
 """Tests for estimating how long messages were held back.
 
 The cases cover clocks that differ, drift and jump, bursts of messages, and a busy machine. Each case has a sender's
-timeline and its true delays. For a reader of the latest message, no old message may be both settled and current.
+timeline and its true delays. A reader of the latest message must never see an old message as both settled and current.
 Messages must be usable again after the stated time.
 """
 

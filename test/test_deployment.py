@@ -1,6 +1,6 @@
 """Tests that the examples run the bus side as a service and in a container.
 
-systemd ignores unknown lines of a unit. `systemd-analyze verify` prints unknown lines but returns 0, so a reader who
+systemd ignores unknown lines in a unit. `systemd-analyze verify` prints unknown lines but returns 0, so a reader who
 copies the unit would not notice them.
 """
 
@@ -33,7 +33,7 @@ def run(*words):
 
 
 def complaints(unit: Path) -> list[str]:
-    """Return the messages of systemd about this unit, without messages about other units on this machine."""
+    """Return systemd's messages about this unit, leaving out those about other units on this machine."""
     done = run(program('systemd-analyze'), 'verify', '--man=no', unit)
     return [line for line in done.stderr.splitlines() if unit.name in line]
 

@@ -46,7 +46,7 @@ ALL_STATUS_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOC
 def chain(ros):
     load = [PRESSED]
     bench = ros.enter_context(FaultBench('driver node', source=lambda t: np.full((SIDE, SIDE), load[0])))
-    # A stall as long as this SYNC period [s] is reported as WARN, but such long stalls are rare.
+    # A stall as long as this SYNC period [s] is reported as WARN, but stalls that long are rare.
     chain = DriverBench(ros, bench, sync_period=0.2)
     chain.load = load
     return chain

@@ -82,7 +82,7 @@ TEXT = '[1008]\nParameterName=x\nDataType=0011\nAccessType=ro\nDefaultValue=007\
 
 
 def test_a_number_with_a_leading_0_is_octal(tmp_path):
-    """By CiA 306, a leading 0 marks an octal number, as in C.
+    """According to CiA 306, a leading 0 marks an octal number, as in C.
 
     A leading 0 in a string stays unchanged.
     """

@@ -1,7 +1,7 @@
 """Tests for skins without SYNC, frame by frame, as sweeps and as snapshots in which each TPDO has an age.
 
 Three TPDOs of node 1 (0x181, 0x281, 0x381) carry a row of 2 taxels each, with value = 2 (counts - 10) Pa. The simulated
-devices send the number of their scan in every taxel, so a frame that mixes two scans is visible.
+devices send the number of their scan in every taxel, so a frame that mixes two scans can be recognised.
 """
 
 import itertools

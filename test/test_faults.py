@@ -1,6 +1,6 @@
 """Tests of the fault catalogue, which lists what a user sees during each fault.
 
-The taxel values must stay right during every fault.
+The taxel values must stay correct during every fault.
 """
 
 import threading

@@ -72,7 +72,7 @@ def test_a_node_that_is_gone_holds_up_no_other(clock):
 
 
 def test_on_a_bus_that_is_never_idle_for_long_a_sweep_left_out_costs_not_all():
-    """Another device uses part of the time on the bus, and the rest is free."""
+    """Another device uses part of the bus time, and the rest is free."""
     chatter = Node([0x700], size=1, skips=lambda number: True)
     chatter.chatter(np.arange(0, SWEEPS * 0.02, 0.0004))
     seen, = played(ONE, np.arange(SWEEPS) * 0.02, WIRE, skips=lambda number: number == EVENT, chatter=[chatter])

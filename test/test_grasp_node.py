@@ -1,6 +1,6 @@
 """Tests for the grasps that the node publishes.
 
-In these tests, shapes stop, are held back or hidden, or have stamps of other clocks.
+In these tests, shapes stop, are held back or hidden, or carry stamps from other clocks.
 """
 
 import math

@@ -13,7 +13,7 @@ from tactile_node.grasp.closing import Outcome, TouchLimits
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-#: Largest force above the force of a goal until a gripper that still answers has stopped [N].
+#: Largest overshoot above a goal's force before a gripper that still answers has stopped [N].
 OVERSHOOT = TouchLimits().overshoot(TouchLimits().fast_speed)
 IN_DOUBT = ('accepts and hangs', 'dies, new server', 'stopped, then woken')
 

@@ -127,7 +127,7 @@ def good_grasp(sequence=0) -> Grasp:
 
 
 def labels(*numbers):
-    """Return labels for the first taxels, and no label for the other taxels."""
+    """Return an array with the given labels for the first taxels, and no label for the others."""
     return array('B', [*numbers, *[0] * (256 - len(numbers))])
 
 
@@ -649,7 +649,7 @@ def test_health_continues_with_simulated_time_and_no_clock(chain):
 
 
 def status_of(**now):
-    """Return the status one second after a stream had 4 messages, where ``now`` replaces fields of its state."""
+    """Return the status one second after a stream received 4 messages, where ``now`` replaces fields of its state."""
     before = MessageCounts(received=4, processed=4, dropped={})
     fields = {'counts': MessageCounts(received=54, processed=54, dropped={}), 'age': 0.02, 'publishers': ('/driver',)}
     return health_status('/gripper/grasp', {'/left/shape': StreamHealth(**fields | now)}, {'/left/shape': before}, 1.0)

@@ -1,4 +1,4 @@
-"""The opening of a gripper from joint states or frames: makers' grippers, signs, units, and trees of frames."""
+"""The opening of a gripper from joint states or frames: commercial grippers, signs, units, and frame trees."""
 
 from math import atan2, cos, inf, isnan, nan, pi, sin, sqrt
 

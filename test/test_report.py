@@ -84,7 +84,7 @@ def test_devices_and_bus_of_a_session(whole):
     assert [change.state for change in node.nmt] == [0x00, 0x05] and node.heartbeats == 48
     assert [command.command for command in whole.bus.commands] == [0x80, 0x80, 0x01, 0x01, 0x80, 0x80]
     # The bus carries 25 sweeps a second, each with a SYNC of at most 55 bits and 64 TPDOs of 135 bits. Each node adds
-    # ten heartbeats a second, which have one byte and 65 bits.
+    # ten heartbeats a second, each with one byte and 65 bits.
     assert whole.bus.load.bit_rates[3] == 25 * (55 + 64 * 135) + 20 * 65
     assert whole.bus.load.shares[3] == pytest.approx(0.218675)
     assert [round(gap.seconds, 2) for gap in whole.bus.gaps] == [1.75]

@@ -28,7 +28,7 @@ def disc(row, col, radius, hole=-1.0):
 
 
 class Pad:
-    """A pad that a sequence of masks presses in turn.
+    """A pad that is pressed by each mask of a sequence in turn.
 
     ``spoil(values, frame_number)`` returns the values that the faulty pad sends.
     """

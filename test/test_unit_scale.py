@@ -1,4 +1,4 @@
-"""No other value is silently taken for a pascal: neither integers without a unit, nor counts passed as pressures."""
+"""Neither integers without a unit nor counts passed as pressures are silently taken for values in pascals."""
 
 import json
 import os

@@ -23,7 +23,7 @@ PADS = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], [32]))
 
 
 def usb(device, serial_number: str | None = 'A1', location='1-2', vid=0x16D0, pid=0x117E):
-    """Return a USB adapter in the form in which pyserial lists adapters."""
+    """Return a USB adapter as pyserial would list it."""
     return SimpleNamespace(device=str(device), vid=vid, pid=pid, serial_number=serial_number, location=location)
 
 

@@ -223,7 +223,7 @@ def test_live_is_said_of_all_pads_or_of_the_one():
 
 
 def rows_of(table):
-    """Return the text of each table row by the name of the row."""
+    """Return the text of each table row, keyed by the name of the row."""
     return dict(row.removesuffix('</td></tr>').split('</td><td>') for row in re.findall('<td>(.*?</td></tr>)', table))
 
 
@@ -462,7 +462,7 @@ def test_a_narrow_terminal_gets_one_line(monkeypatch):
 
 
 class Sent:
-    """Records the updates that a browser would receive, by the part of the page."""
+    """Records the updates that a browser would receive, grouped by part of the page."""
 
     def __init__(self):
         self.client = MagicMock(client_id=7)

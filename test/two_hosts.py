@@ -62,7 +62,7 @@ class Host:
 
         The variables in ``environment`` are added to the environment of the host.
 
-        The returned process is that of the command, because nsenter replaces itself by the command.
+        The returned process is that of the command, because nsenter replaces itself with the command.
         """
         return subprocess.Popen([*self.enter(), '--', *command], env=self.environment(**(environment or {})),
                                 **keywords)

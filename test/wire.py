@@ -1,4 +1,4 @@
-"""A model of a CAN wire in virtual time that uses no code of the package (ISO 11898-1).
+"""A model of a CAN wire in virtual time that uses none of the package's code (ISO 11898-1).
 
 Each frame occupies the wire for the time of its bits. Of the frames that are ready, the wire carries the frame with the
 lowest COB-ID first. The nodes answer each SYNC after a delay. Each node sends its TPDOs in a fixed order, and skips a
