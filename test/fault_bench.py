@@ -115,7 +115,7 @@ def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[flo
     frames
         All published frames of the pad, in order.
     coded
-        Code of the pad's taxels.
+        Coded taxels of the pad.
     asked
         Time at which each SYNC was on the bus [s, Unix epoch]. This time lies between the stamp of the SYNC and the
         stamp of the next SYNC.

@@ -678,7 +678,7 @@ def sdo_aborted_in_configuration(bench: FaultBench) -> None:
 
 @fault()
 def sdo_timeout_in_mid_configuration(bench: FaultBench) -> None:
-    """The device goes silent during configuration. The driver reports the object without a response, and retries."""
+    """The device goes silent during configuration. The driver reports the object that got no response, and retries."""
     _disturb_configuration(
         bench, lambda message: [] if bytes(message.data[1:3]) == bytes.fromhex('001A') else [message],
         'object 0x1A00 sub', 'No SDO response')
@@ -766,7 +766,7 @@ def disk_full_while_recording(bench: FaultBench) -> None:
 
 @fault(is_running=False)
 def fails_while_inactive(bench: FaultBench) -> None:
-    """The driver reopens the bus and configures the device again. The transition activate then succeeds."""
+    """The driver reopens the bus and configures the device again. The activate transition then succeeds."""
     bench.driver.open()
     bench.driver.configure()
     bench.cause()
@@ -815,7 +815,7 @@ def other_makers_device_at_work(bench: FaultBench) -> None:
 
 @fault(is_running=False)
 def refuses_operational_from_the_start(bench: FaultBench) -> None:
-    """The transition activate fails, and the error names the device's state. The bus stays open for another attempt."""
+    """The activate transition fails, and the error names the device's state. The bus stays open for another attempt."""
     bench.device.refuses_start = True
     bench.driver.open()
     bench.driver.configure()
@@ -880,7 +880,7 @@ def polled_pad_power_cycled(bench: FaultBench) -> None:
 
 @fault(source=uniform(3, 100, 1000, 16, 10), layout='domain16x10_16bit.yaml')
 def polled_uploads_damaged(bench: FaultBench) -> None:
-    """The driver detects damaged upload segments by their CRC. The affected frames are NaN, and no value is wrong."""
+    """The CRC reveals damaged upload segments to the driver. The affected frames are NaN, and no value is wrong."""
     count = itertools.count()
 
     def damage(message: can.Message) -> list[can.Message]:
@@ -993,7 +993,8 @@ class Beside:
 def main(names: list[str]) -> int:
     """Inject the faults in ``names``, or all faults, and print the results as a table.
 
-    The exit code is 1 if taxels came too late or a duration was wrong although the machine kept up, and 0 otherwise.
+    The exit code is 1 if taxels arrived too late, or a duration was wrong, although the machine kept up. Otherwise it
+    is 0.
     """
     listed = {each.__name__: each for each in FAULTS + LONG_FAULTS}
     if not listed.keys() >= set(names):

@@ -71,7 +71,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 def survives(kind: str, path: Path) -> str:
     """Read a file and return 'read' or 'refused'.
 
-    Raises HangError after TIMEOUT, and passes on every error of the reader except TactileError.
+    Raises HangError after TIMEOUT, and passes on every error from the reader except TactileError.
     """
     def hang(*_: object):
         raise HangError(f'{path} takes longer than {TIMEOUT} s')

@@ -249,7 +249,7 @@ class Client:
 def started_node(*parameters, words=(), ros=(), log=None):
     """Run a gripper node in a separate process.
 
-    ``words`` and ``ros`` are further arguments, and ``log`` is the file for the node's log.
+    ``words`` and ``ros`` are additional arguments, and ``log`` is the file for the node's log.
     """
     given = [word for each in ('max_age:=5.0', 'fast_speed:=0.002', 'slow_speed:=0.002', *parameters)
              for word in ('-p', each)]

@@ -13,7 +13,7 @@ from builtin_interfaces.msg import Duration
 
 from tactile_skin.msg import TaxelArray
 
-SIDE = 16  #: Number of rows and of columns of a pad.
+SIDE = 16  #: Number of rows, and of columns, in a pad.
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Tests for a gripper that closes until touched, including its reasons to stop and the resulting force.
+"""Tests for a gripper that closes until it touches an object: its reasons to stop and the resulting force.
 
 The pads press against simulated springs.
 """

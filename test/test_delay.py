@@ -139,7 +139,7 @@ def test_a_clock_slewed_as_fast_as_chrony_does_makes_nothing_old_look_current(st
 
 @pytest.mark.parametrize('seed', range(20))
 def test_a_busy_machine_does_not_withdraw_freshness_for_long(seed):
-    """Delays of 10-50 ms occur now and then, from the first message on.
+    """Delays of 10-50 ms occur occasionally, starting with the first message.
 
     Messages may count as not fresh for less than 1 % of the time. The messages that are not fresh must span less than
     0.6 s or be fewer than 30.

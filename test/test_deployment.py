@@ -23,7 +23,7 @@ UNIT = EXAMPLES / 'tactile_bus.service'
 
 
 def program(name: str) -> str:
-    """Return the path of a program beside this Python or on the PATH, or skip the test if the program is missing."""
+    """Return the path of a program next to this Python or on the PATH, or skip the test if the program is missing."""
     found = shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
     return found or pytest.skip(f'{name} is not installed')
 

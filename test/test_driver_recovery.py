@@ -298,7 +298,7 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
 
 @pytest.fixture
 def tare_here(chain, monkeypatch):
-    """Return a function that runs `tactile tare` for 5 frames on a thread of this process, beside the driver."""
+    """Return a function that runs `tactile tare` for 5 frames on another thread of the driver's process."""
     # ROS is already running in this process and must keep running.
     monkeypatch.setattr(rclpy, 'init', lambda **given: None)
     monkeypatch.setattr(rclpy, 'try_shutdown', lambda: None)

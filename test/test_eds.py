@@ -207,7 +207,7 @@ DefaultValue=0x12
     (SMALL.replace('DataType=0x0007', 'DataType=0x0008').replace('0x12 ;', '18 ;'), 'section [1018sub1]'),
     (SMALL.replace('1018sub1', '1018SUB01').replace('0x12 ;', 'ACME ;'), 'section [1018sub01], key "DefaultValue"')])
 def test_an_identity_that_cannot_be_compared_is_refused(tmp_path, text, says):
-    """If such an EDS were accepted, the identity would not be checked, or the check would end in a TypeError."""
+    """If this EDS were accepted, the identity would not be checked, or the check would end in a TypeError."""
     with pytest.raises(ConfigurationError) as refused:
         identity_of(load_eds(write(tmp_path, text), 5), 'device.eds')
     assert says in str(refused.value) and 'device.eds' in refused.value.where and refused.value.remedy

@@ -95,7 +95,7 @@ def test_a_lost_tpdo_leaves_its_taxels_stale(sweeps, lost, stamp):
 
 
 def test_no_frame_of_any_loss_pattern_mixes_two_sweeps(tmp_path):
-    """In three sweeps of three TPDOs, each TPDO is either lost or received, which gives 512 cases."""
+    """In three sweeps of three TPDOs, each TPDO is either lost or received, so there are 512 cases."""
     layout = tiny_layout(tmp_path, SWEEPS)
     for kept in itertools.product((False, True), repeat=9):
         assembler, results = of_layout(layout), ()

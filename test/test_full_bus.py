@@ -96,7 +96,7 @@ def test_foreign_frames_that_go_first_give_no_frame_a_wrong_stamp(load, foreign,
         others.chatter(np.arange(0.0, SWEEPS * period, frame_seconds(8) / foreign))
     for seen in played(pads, np.arange(SWEEPS) * period, clock, chatter=[others]):
         assert not seen.wrong and (foreign or len(seen.answered) == SWEEPS)
-        # The end of the last sweep may stay in doubt, because no further sweep follows.
+        # The end of the last sweep may remain uncertain, because no other sweep follows.
         assert len(seen.whole) >= (0.3 * len(seen.answered) if foreign else SWEEPS - 1)
 
 

@@ -31,8 +31,8 @@ WIDEST = 0.08
 NARROW = 0.075
 # Jaw opening of a goal that closes the gripper from START [m].
 NARROWER = 0.055
-#: Distance by which a gripper closes in one step [m]. A gripper that was stopped may receive the cancel up to 3 s after
-#: the goal. By then, the gripper has closed by 15 mm and still touches nothing.
+#: Distance by which a gripper closes in one step [m]. A stopped gripper may receive the cancel up to 3 s after the
+#: goal. By then, it has closed by 15 mm and still touches nothing.
 TRAVEL = '0.0001'
 LONG = pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LONG is not set')
 

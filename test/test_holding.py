@@ -28,7 +28,7 @@ class Spring:
     """A held object that acts as a spring of ``stiffness`` [N/m].
 
     The gripper moves in whole steps of ``step`` [m]. The sensor noise is at most ``noise`` [N]. ``give(now)`` returns
-    by how much the object has become thinner [m].
+    the decrease in the object's thickness [m].
     """
 
     def __init__(self, stiffness=1000.0, step=HOLD.gripper_step, noise=0.0, give=lambda now: 0.0, seed=0):

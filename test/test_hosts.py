@@ -84,7 +84,7 @@ def seen(record) -> tuple[str, str]:
 
 
 def held(record) -> bool:
-    """Return True if the record states that an object is held at present."""
+    """Return True if the record states that an object is currently held."""
     return current(record) and record['contact'] in ('ONE_SIDED', 'TWO_SIDED')
 
 

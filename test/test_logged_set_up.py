@@ -46,7 +46,7 @@ RIGHT = (*mapped(1, 0x20000110), *mapped(2, 0x20000210), *mapped(3, 0x20000310),
 
 
 def outcome(tmp_path, *lines, **options):
-    """Return the number of missing CAN frames in each taxel frame, and the error message of the player."""
+    """Return the number of missing CAN frames in each taxel frame, and the player's error message."""
     frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path), **options)
     if source.failure is None:
         return [frame.missing_can_frames for _, frame in frames], ''

@@ -1,10 +1,10 @@
 """Long recordings: several files are read as one recording, starting at any time.
 
-A damaged chunk costs only the frames in it.
+If a chunk is damaged, only its own frames are lost.
 
 A damaged file must not give a reader a wrong value. After damage, the reader must not report the rest of the hour as
-lost, nor take the gap for a skin at rest. One file of ten must not be read as the whole recording, nor two recordings
-as one.
+lost, nor mistake the gap for a skin at rest. One file of ten must not be read as the whole recording, nor two
+recordings as one.
 """
 
 import os

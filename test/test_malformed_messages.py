@@ -1,6 +1,6 @@
 """A message with any content must not stop a node.
 
-A node drops a malformed message, counts it by its reason, and processes the next good message.
+A node drops a malformed message, counts it by reason, and processes the next good message.
 """
 
 import copy
@@ -581,7 +581,7 @@ def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
 
 
 def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch):
-    """The middleware matches both versions by the name of the type.
+    """The middleware matches the two versions by the name of the type.
 
     Only the hash of the type description differs (REP 2011).
     """

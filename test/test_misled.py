@@ -26,7 +26,7 @@ def test_a_default_constructed_message_claims_nothing(message, facts):
 
 
 def check(findings):
-    """Check that no forbidden claim is made, and that each temporary claim ends.
+    """Check that no forbidden claim is made, and that each temporarily allowed claim ends.
 
     `make misled` measures the duration of these claims.
     """

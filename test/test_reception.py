@@ -1,4 +1,4 @@
-"""Tests of batches: how the driver reads a bus, when the CAN frames arrived, and which SYNCs are omitted."""
+"""Tests of batched reading: how the driver reads a bus, when the CAN frames arrived, and which SYNCs it omits."""
 
 import os
 import threading

@@ -131,7 +131,7 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
 
 @pytest.mark.slow
 def test_of_another_device_no_taxel_is_given(tmp_path):
-    """The log contains the product code 0x16160009 instead of the product code in the EDS beside the layout."""
+    """The log contains the product code 0x16160009, which differs from the product code in the layout's EDS."""
     lines = [line.replace('5A0#4318100208001616', '5A0#4318100209001616') for line in session()]
     path = logged(tmp_path / 'x.log', lines)
     report = report_of(path)
@@ -146,7 +146,7 @@ def test_of_another_device_no_taxel_is_given(tmp_path):
 
 
 def test_an_identity_that_changes_is_two_devices():
-    """In the log, the device gives two different revisions.
+    """In the log, the device reports two different revisions.
 
     Responses of another node must not be counted.
     """

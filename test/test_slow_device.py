@@ -37,7 +37,7 @@ def delay_answers(device, seconds):
 @pytest.mark.parametrize('delay', [0.05, 0.12, 0.2])
 def test_a_device_that_answers_after_the_timeout_is_configured(delay):
     """An earlier version mistook a late response for the response to the next request, and refused the device."""
-    retries = 12  # The 12 retries take 1 s in all, because a busy machine adds to the delay.
+    retries = 12  # 12 retries cover 1 s in total, because a busy machine adds to the delay.
     with Bench(f'late {delay}', layout='rows12x5_10bit.yaml', sdo_timeout=0.08, sdo_retries=retries) as bench:
         bench.driver.open()
         delay_answers(bench.simulator.devices[32], delay)

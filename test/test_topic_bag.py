@@ -1,4 +1,4 @@
-"""Our topics in ROS 2 bags, which rosbags or this test writes, are read without ROS."""
+"""Our topics are read without ROS from ROS 2 bags that were written by rosbags or by this test."""
 
 import sqlite3
 import struct

@@ -218,8 +218,8 @@ def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch
     server.close()
 
 
-#: JavaScript that reads the addresses in three ways: by a request, by a frame, and by a WebSocket that waits for a
-#: message.
+#: JavaScript that reads the addresses in three ways: with a request, with a frame, and with a WebSocket that waits for
+#: a message.
 READ = """addresses => Promise.all(addresses.flatMap(address => [
     fetch(`http://${address}/`).then(answer => answer.text()).then(text => `fetch ${address} ${text.length}`),
     new Promise((resolve, reject) => {

@@ -114,7 +114,7 @@ def test_a_source_that_cannot_start_is_reported_on_the_page(caplog):
             raise RuntimeError('a defect')
     server = ViewServer(Broken(), port=0)
     with server._changed:
-        # This object takes the place of a connected browser.
+        # This object stands in for a connected browser.
         server._pages[0] = SimpleNamespace(stop=lambda: None, join=lambda: None)
         server._changed.notify_all()
     until(lambda: server.is_source_on, 60)

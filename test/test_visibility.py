@@ -1,4 +1,4 @@
-"""Visibility states how much of a pad and of the surroundings of a contact a frame shows."""
+"""Visibility states how much of the pad, and of a contact's surroundings, a frame shows."""
 
 import numpy as np
 import pytest

@@ -25,7 +25,7 @@ class NoHostsError(RuntimeError):
 
 
 class Host:
-    """A network namespace that exists as long as a sleeping process holds it."""
+    """A network namespace, kept alive by a sleeping process."""
 
     def __init__(self, address: str, peer: str, inside: 'Host | None' = None):
         self.address, self._peer = address, peer
