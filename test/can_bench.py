@@ -35,7 +35,7 @@ def channel_of(name: str) -> str:
 
 
 class TooSlowError(AssertionError):
-    """Raised if the machine was too slow for real time. conftest.py then skips the test, which would prove nothing."""
+    """Raised if the machine was too slow for real time. conftest.py then skips the test instead of failing it."""
 
 
 def is_overloaded() -> bool:

@@ -137,7 +137,7 @@ def one_of_two_pads_lost(bench: FaultBench) -> None:
 
 @fault()
 def boot_up_message_lost(bench: FaultBench) -> None:
-    """The boot-up message is lost. The driver finds the silent device by a request and configures it."""
+    """The boot-up message is lost. The driver finds the silent device through a request and configures it."""
     bench.adapter.lost_ids = {0x720}
     bench.power_cycle()
     bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
@@ -545,7 +545,7 @@ def short_emcy(bench: FaultBench) -> None:
 
 @fault()
 def emcy_until_it_is_reset(bench: FaultBench) -> None:
-    """An error stays a warning until the device resets this error or all errors, or boots again."""
+    """A warning about an error remains until the device resets this error or all errors, or boots again."""
 
     def has(code: int | None, count: int) -> None:
         bench.wait(lambda: bench.node().emergencies == count, 'not counted')

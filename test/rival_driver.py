@@ -1,4 +1,4 @@
-"""Driver for another bus with the same node names. It reports both of its pads as seen and empty.
+"""Driver for another bus with the same node names. This driver reports both pads as seen and empty.
 
     python test/rival_driver.py PERIOD
 

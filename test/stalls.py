@@ -1,4 +1,4 @@
-"""Stalls of the skin, the adapter or the driver, which resume afterwards.
+"""Stalls of the skin, the adapter or the driver, each of which resumes afterwards.
 
 The skin and its serial adapter run in a separate process.
 

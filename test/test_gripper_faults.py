@@ -1,6 +1,6 @@
 """Tests of each fault of a gripper's server with each kind of goal, as listed in docs/closing.md.
 
-Killed servers are tested in test_gripper_crash.py, because they need their own processes. With TACTILE_LONG, the tests
+test_gripper_crash.py tests killed servers, because these tests need separate processes. With TACTILE_LONG, the tests
 use all combinations. Without TACTILE_LONG, each fault and each goal is tested at least twice.
 """
 

@@ -133,8 +133,8 @@ def test_a_pulled_cable_misleads_no_consumer(world):
 def test_a_reader_that_stops_holds_up_no_driver(world):
     """All nodes of the other host are stopped while the object is removed.
 
-    One message may be delayed after the node has marked it fresh and before it is sent. The reader of this message sees
-    from its age that it is old.
+    One message may be delayed after the node has marked it fresh and before it is sent. The age of this message tells
+    its reader that the message is old.
     """
     world.hold()
     thinking = world.bringups['thinking'].pid

@@ -64,8 +64,8 @@ def carried(syncs: Sequence[float], nodes: Sequence[Node],
             leaves_out: Callable[[float], bool] = lambda now: False) -> Iterator[Carried]:
     """Yield all frames in the order in which the wire carries them.
 
-    ``syncs`` are the times at which the master has a SYNC ready, in rising order [s]. The master skips a SYNC that is
-    ready if ``leaves_out(now)`` returns True.
+    ``syncs`` are the times at which the master has a SYNC ready, in ascending order [s]. The master skips a SYNC that
+    is ready if ``leaves_out(now)`` returns True.
     """
     waiting, free = deque(enumerate(syncs)), 0.0
     while True:

@@ -139,7 +139,7 @@ class Adapter(Wire):
     def __init__(self, receiver: Receiver, period: float, rng: np.random.Generator):
         super().__init__(receiver, period)
         self._rng = rng
-        # Pairs of the time from which a frame can be read and the frame.
+        # Pairs of the earliest read time of a frame and the frame itself.
         self._here: deque[tuple[float, Carried]] = deque()
         self._last = 0.0  # arrival time of the last frame [s]
         self._free = self._asked = 0.0  # earliest start of the next read, and start of the last read
