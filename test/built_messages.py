@@ -2,8 +2,8 @@
 
 If ROS does not provide a package, this module builds it or generates its Python classes.
 
-A package is built once, which takes 20 s of processor time, and its messages can be sent. Generating the Python classes
-takes 1 s, but their messages cannot be sent.
+Building a package takes 20 s of processor time and happens only once; its messages can then be sent. Generating the
+Python classes takes 1 s, but their messages cannot be sent.
 
 The module contains only the interfaces that our code uses, under the names of the real packages: geometry2, MoveIt 2,
 ros2_control and tactile_toolbox.
@@ -57,8 +57,8 @@ bool stalled
 bool reached_goal
 ---
 sensor_msgs/JointState state'''}),
-    # This definition represents another version of our package: two fields are swapped, which the length of a message
-    # does not show.
+    # This definition stands in for another version of our package: two fields are swapped, so the message has the same
+    # length.
     'tactile_skin': (('std_msgs', 'builtin_interfaces'), {
         'TaxelArray': (MESSAGES / 'TaxelArray.msg').read_text(encoding='utf-8').replace(
             'uint32 rows\nuint32 cols\n', 'uint32 cols\nuint32 rows\n')})}

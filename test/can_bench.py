@@ -35,7 +35,7 @@ def channel_of(name: str) -> str:
 
 
 class TooSlowError(AssertionError):
-    """Raised if the machine was too slow for real time. conftest.py then skips the test, which proves nothing."""
+    """Raised if the machine was too slow for real time. conftest.py then skips the test instead of failing it."""
 
 
 def is_overloaded() -> bool:
@@ -46,7 +46,7 @@ def is_overloaded() -> bool:
 class Served:
     """Context manager for a hand-written device.
 
-    The method ``_serve`` of the device runs on a thread until ``_ends`` is set.
+    The device's ``_serve`` method runs on a thread until ``_ends`` is set.
     """
 
     def __init__(self, channel: str):
@@ -101,7 +101,7 @@ class SkinMaster(Master):
 
 
 def other_bus(name: str) -> can.BusABC:
-    """Return a further participant on the bus ``name``."""
+    """Return another participant on the bus ``name``."""
     return can.Bus(channel_of(name), interface=INTERFACE)
 
 
@@ -139,7 +139,7 @@ class Loss(NamedTuple):
 
 
 def telling(assembler: PadAssembler, drop_incomplete: bool = False) -> PadAssembler:
-    """Return the assembler with calls that also return the lost CAN frames, after the taxel frames."""
+    """Return the assembler, changed so that its calls return the lost CAN frames after the taxel frames."""
     def with_losses(call: Callable[..., Frames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
         before, frames = assembler.statistics().losses, taxel_frames(call(*given))
         after = assembler.statistics().losses

@@ -13,7 +13,7 @@ from typing import TextIO
 
 import pytest
 
-#: Up to domain 101, Linux assigns the ports of a domain to no other program. test_tutorial.py uses domain 101.
+#: Linux never assigns the ports of the domains up to 101 to other programs. test_tutorial.py uses domain 101.
 DOMAINS = range(1, 101)
 
 
@@ -48,7 +48,8 @@ def pytest_runtest_teardown(item):
     """Destroy the ROS nodes that a test leaves in reference cycles.
 
     The garbage collector would otherwise destroy several nodes at once during another test. In one run, Fast DDS then
-    hung for ever in `DomainParticipant::set_listener`. Before that hang, test_hand_over.py had left four participants.
+    hung for ever in `DomainParticipant::set_listener`. Before that hang, test_hand_over.py had left four participants
+    behind.
     """
     yield
     if item.get_closest_marker('ros'):
@@ -84,7 +85,7 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def may_have_tests(path, markexpr):
-    """Return True if the text of the file does not rule out tests with the marks of ``markexpr``."""
+    """Return True if the file may contain tests with the marks in ``markexpr``, judging by its text."""
     if not markexpr:
         return True
     text = path.read_text()

@@ -1,4 +1,4 @@
-"""Generate sections of EDS files in the form that a vendor's tool writes."""
+"""Generate sections of EDS files as a vendor's tool would write them."""
 
 PART = '[{index:X}{sub}]\nParameterName={name}\nDataType={kind}\nAccessType=rw\n{default}'
 

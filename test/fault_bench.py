@@ -29,8 +29,8 @@ from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LAYOUT, SIDE, PRESSED = 'sim8x8_16bit.yaml', 8, 12.5
-#: The CAN frames of the simulated skin cross a simulated wire of 1 Mbit/s. With TACTILE_TEST_WIRE=off, CAN frames take
-#: no time.
+#: The CAN frames of the simulated skin travel over a simulated wire at 1 Mbit/s. With TACTILE_TEST_WIRE=off, CAN frames
+#: take no time.
 WIRE = WireSettings() if os.environ.get('TACTILE_TEST_WIRE') != 'off' else None
 TIMEOUT = 60.0  # time limit on a busy machine [s]
 SYNC = 0x80
@@ -104,7 +104,7 @@ class Answers:
 
 def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[float],
                  answered: dict[int, float]) -> None:
-    """Check for each frame of one pad that its taxels answer the SYNC to which the frame's stamp belongs.
+    """Check that the taxels in each frame of one pad answer the SYNC to which the frame's stamp belongs.
 
     The driver cannot detect that a device answers a SYNC only after the next SYNC (see ``assembler``). If a busy
     machine delayed the simulated device for that long, the function raises TooSlowError. Any other wrong stamp raises
@@ -115,7 +115,7 @@ def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[flo
     frames
         All published frames of the pad, in order.
     coded
-        Code of the pad's taxels.
+        Coded taxels of the pad.
     asked
         Time at which each SYNC was on the bus [s, Unix epoch]. This time lies between the stamp of the SYNC and the
         stamp of the next SYNC.
@@ -136,7 +136,7 @@ def check_stamps(frames: Sequence[TaxelFrame], coded: Coded, asked: Sequence[flo
 class FaultBench(Bench):
     """Context manager for a driver and pads. The bench records every published frame, and checks all frames at its end.
 
-    By default, the pads have 8x8 Coded taxels, which ``layout`` and ``source`` change. ``cause`` and ``end_of_cause``
+    By default, the pads have 8x8 Coded taxels; ``layout`` and ``source`` override this. ``cause`` and ``end_of_cause``
     mark the beginning and the end of the fault. ``detected`` is the time since the first mark, and ``publishing_again``
     the time since the second mark [s].
     """
@@ -190,7 +190,7 @@ class FaultBench(Bench):
         self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes.fromhex(data)))
 
     def send_error(self, can_id: int, data: Iterable[int]) -> None:
-        """Send an error frame in the form that a controller reports."""
+        """Send an error frame like those that a CAN controller reports."""
         self.other.send(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=True, data=bytes(data)))
 
     def repeat(self, can_id: int, period: float, data: bytes = b'') -> can.broadcastmanager.CyclicSendTaskABC:

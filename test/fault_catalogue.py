@@ -137,7 +137,7 @@ def one_of_two_pads_lost(bench: FaultBench) -> None:
 
 @fault()
 def boot_up_message_lost(bench: FaultBench) -> None:
-    """The boot-up message is lost. The driver finds the silent device by a request and configures it."""
+    """The boot-up message is lost. The driver finds the silent device through a request and configures it."""
     bench.adapter.lost_ids = {0x720}
     bench.power_cycle()
     bench.wait(lambda: bytes(1) in bench.adapter.lost, 'boot-up not lost')
@@ -181,7 +181,7 @@ def reset_by_another_master(bench: FaultBench) -> None:
 
 @fault()
 def all_reset_by_another_master(bench: FaultBench) -> None:
-    """The driver reports the reset of all nodes, and recovers as from a reset of a single node."""
+    """The driver reports the reset of all nodes, and recovers as it does after the reset of a single node."""
     _command(bench, ForeignCommand(0x82, 0))
 
 
@@ -193,7 +193,7 @@ def stopped_by_another_master(bench: FaultBench) -> None:
 
 
 def _lists_errors(message: can.Message) -> list[can.Message]:
-    """Return the message, or the SDO response of an overheated device (register 0x09, error 0x4210, maker 0x0005)."""
+    """Return the message, or the response of an overheated device (register 0x09, error 0x4210, maker 0x0005)."""
     answers = {'011000': '4F01100009000000', '031000': '4F03100001000000', '031001': '4303100110420500'}
     answer = answers.get(bytes(message.data[1:4]).hex()) if message.arbitration_id == 0x5A0 else None
     return [message if answer is None else _with_data(message, bytes.fromhex(answer))]
@@ -330,13 +330,13 @@ def one_tpdo_switched_off_by_another_master(bench: FaultBench) -> None:
 
 @fault()
 def one_tpdo_switched_off_unseen(bench: FaultBench) -> None:
-    """One TPDO is off, and the driver did not see the write. The driver names the TPDO and switches it on."""
+    """One TPDO was switched off unseen by the driver. The driver names the TPDO and switches it on."""
     bench.adapter.lost_ids = {0x620}
     bench.send(0x620, '23021801A2010080')
     bench.wait(lambda: NodeFault.TPDO_MISSING in bench.log.facts or bench.node().outages.count, 'not logged')
     bench.assert_no_outage()  # recovery from an outage would have switched the TPDO on as well
     bench.detect(NodeFault.TPDO_MISSING)
-    # The repair starts with the report, because the driver does not know of the fault before.
+    # The repair starts with the report, because the driver does not know of the fault any earlier.
     bench.end_of_cause().recover()
     bench.assert_no_outage()
     assert NodeFault.RECONFIGURED not in bench.log.facts
@@ -411,7 +411,7 @@ def two_devices_from_the_start(bench: FaultBench) -> None:
     bench.detected = time.monotonic() - bench._begun
     requests = sum(message.arbitration_id == 0x620 and message.data[0] != 0x80 for message in bench.heard())
     bench.wait(lambda: bench.driver.statistics().can_frames.get('sdo', 0) >= 2 * requests,
-               # The driver would take a late response for the response to its next request for this object.
+               # The driver would mistake a late response for the response to its next request for this object.
                'not answered by both')
     second.stop()
     bench.end_of_cause()
@@ -490,7 +490,7 @@ def second_sync_producer(bench: FaultBench) -> None:
 
 @fault(produce_sync=False, sync_period=0.02, is_running=False)
 def sync_producer_of_another_period(bench: FaultBench) -> None:
-    """The period of SYNC is not sync_period. The driver reports both periods. The taxels continue."""
+    """The SYNC period differs from sync_period. The driver reports both periods. The taxels continue."""
     producer = bench.repeat(0x080, 0.04)
     bench.run().cause()
     bench.detect(SyncFault.OTHER_PERIOD)
@@ -504,7 +504,7 @@ def sync_producer_of_another_period(bench: FaultBench) -> None:
 
 @fault()
 def transmission_type_ignored(bench: FaultBench) -> None:
-    """A device confirms the transmission type but keeps another type. The driver refuses the device to avoid losses."""
+    """A device confirms a transmission type but keeps the old one. The driver refuses the device to avoid losses."""
     _disturb_configuration(bench, _reads('4F001802', '02000000'), '0x1800 sub 2', '0x02')
 
 
@@ -545,7 +545,7 @@ def short_emcy(bench: FaultBench) -> None:
 
 @fault()
 def emcy_until_it_is_reset(bench: FaultBench) -> None:
-    """An error stays a warning until the device resets this error or all errors, or boots again."""
+    """A warning about an error remains until the device resets this error or all errors, or boots again."""
 
     def has(code: int | None, count: int) -> None:
         bench.wait(lambda: bench.node().emergencies == count, 'not counted')
@@ -576,7 +576,7 @@ def foreign_frames(bench: FaultBench) -> None:
 
 @fault((32, 64), boot_timeout=0.3, is_running=False)
 def absent_pad_of_two(bench: FaultBench) -> None:
-    """The present pad works. The driver reports the absent pad, and uses this pad as soon as it boots."""
+    """One pad is absent, the other works. The driver reports the absent pad, and uses it as soon as it boots."""
     bench.simulator.devices[64].power_off()
     bench.cause()
     bench.run()
@@ -602,7 +602,7 @@ def _pad(bench: FaultBench):
 
 @fault()
 def tpdos_lost(bench: FaultBench) -> None:
-    """Every seventh TPDO is lost. The lost taxels are NaN and STALE. The driver counts and warns of missing TPDOs."""
+    """Every seventh TPDO is lost. The lost taxels are NaN and STALE. The driver counts the missing TPDOs and warns."""
     numbers = itertools.count()
     _tamper(bench, lambda message: [message] if next(numbers) % 7 else [], lambda bench: _pad(bench).missing)
 
@@ -658,7 +658,7 @@ def _disturb_configuration(bench: FaultBench, tamper: Callable[[can.Message], li
 
 
 def _reads(answer: str, value: str) -> Callable[[can.Message], list[can.Message]]:
-    """Return a function that replaces the value of an SDO response that starts with the bytes ``answer``."""
+    """Return a function that replaces the value in each SDO response beginning with the bytes ``answer``."""
     def tamper(message: can.Message) -> list[can.Message]:
         is_meant = bytes(message.data[:4]) == bytes.fromhex(answer)
         return [_with_data(message, bytes.fromhex(answer + value)) if is_meant else message]
@@ -678,7 +678,7 @@ def sdo_aborted_in_configuration(bench: FaultBench) -> None:
 
 @fault()
 def sdo_timeout_in_mid_configuration(bench: FaultBench) -> None:
-    """The device goes silent during configuration. The driver reports the object without a response, and retries."""
+    """The device goes silent during configuration. The driver reports the object that got no response, and retries."""
     _disturb_configuration(
         bench, lambda message: [] if bytes(message.data[1:3]) == bytes.fromhex('001A') else [message],
         'object 0x1A00 sub', 'No SDO response')
@@ -712,7 +712,7 @@ def process_stalled(bench: FaultBench) -> None:
     time.sleep(0.1)
     bench.heard()
     for _ in range(2):
-        ctypes.PyDLL(None).usleep(1_200_000)  # this call keeps the interpreter's lock, so that no thread runs
+        ctypes.PyDLL(None).usleep(1_200_000)  # this call holds the interpreter lock, so no other thread runs
         bench.end_of_cause()
         bench.detect(Overload.STALLED)
         bench.recover()
@@ -766,7 +766,7 @@ def disk_full_while_recording(bench: FaultBench) -> None:
 
 @fault(is_running=False)
 def fails_while_inactive(bench: FaultBench) -> None:
-    """The driver reopens the bus and configures the device again. The transition activate then works."""
+    """The driver reopens the bus and configures the device again. The activate transition then succeeds."""
     bench.driver.open()
     bench.driver.configure()
     bench.cause()
@@ -815,7 +815,7 @@ def other_makers_device_at_work(bench: FaultBench) -> None:
 
 @fault(is_running=False)
 def refuses_operational_from_the_start(bench: FaultBench) -> None:
-    """The transition activate fails, and the error names the device's state. The bus stays open for another attempt."""
+    """The activate transition fails, and the error names the device's state. The bus stays open for another attempt."""
     bench.device.refuses_start = True
     bench.driver.open()
     bench.driver.configure()
@@ -839,7 +839,7 @@ def refuses_operational_from_the_start(bench: FaultBench) -> None:
 
 @fault()
 def tare_under_load(bench: FaultBench) -> None:
-    """The driver refuses a tare under load and names the most pressed taxel. The offsets do not change."""
+    """The driver refuses a tare under load and names the taxel with the highest load. The offsets do not change."""
     pad, seen, outcome = TaredPad(ContactGuard.of_unit('N')), len(bench.kept), []
 
     def tare() -> None:
@@ -861,7 +861,7 @@ def tare_under_load(bench: FaultBench) -> None:
 
 @fault((32, 35), source=uniform(1, 100, 1000, 12, 8), layout='nodes2_12x8_12bit.yaml')
 def one_of_a_pads_nodes_lost(bench: FaultBench) -> None:
-    """A pad loses one of its two nodes. The driver reports the node, and only its taxels are NaN until its boot."""
+    """A pad loses one of its two nodes. The driver reports the node, and only its taxels are NaN until it boots."""
     second = bench.simulator.devices[35]
     values = _switch_off(bench, second, 12, NodeFault.SILENT).values
     first, lost = bench.driver.health().nodes['pad32']
@@ -880,7 +880,7 @@ def polled_pad_power_cycled(bench: FaultBench) -> None:
 
 @fault(source=uniform(3, 100, 1000, 16, 10), layout='domain16x10_16bit.yaml')
 def polled_uploads_damaged(bench: FaultBench) -> None:
-    """The driver detects damaged upload segments by their CRC. The affected frames are NaN, and no value is wrong."""
+    """The CRC reveals damaged upload segments to the driver. The affected frames are NaN, and no value is wrong."""
     count = itertools.count()
 
     def damage(message: can.Message) -> list[can.Message]:
@@ -993,7 +993,8 @@ class Beside:
 def main(names: list[str]) -> int:
     """Inject the faults in ``names``, or all faults, and print the results as a table.
 
-    The exit code is 1 if taxels came too late or a duration was wrong although the machine kept up, and 0 otherwise.
+    The exit code is 1 if taxels arrived too late, or a duration was wrong, although the machine kept up. Otherwise it
+    is 0.
     """
     listed = {each.__name__: each for each in FAULTS + LONG_FAULTS}
     if not listed.keys() >= set(names):

@@ -1,4 +1,4 @@
-"""A virtual bus with faults for tests, whose adapter can be pulled out or can lose frames."""
+"""A virtual bus for tests of faults: its adapter can be unplugged or lose frames."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -10,7 +10,7 @@ from tactile_node.errors import BusError
 
 
 class Adapter:
-    """Replaces ``open_bus`` and opens buses with faults.
+    """Replaces ``open_bus``, and opens buses into which faults can be injected.
 
     Each fault affects all open buses, and all buses that are opened later.
     """
@@ -25,7 +25,7 @@ class Adapter:
         self.is_plugged = self.can_send = True
         #: CAN identifiers of the frames that the adapter loses
         self.lost_ids: set[int] = set()
-        #: function that returns the frames to pass on instead of a frame
+        #: function that maps each frame to the frames to pass on in its place
         self.tamper: Callable[[can.Message], Iterable[can.Message]] | None = None
 
     def open(self, interface: str, channel: str, bitrate: int) -> can.BusABC:

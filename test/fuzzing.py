@@ -1,10 +1,10 @@
-"""Random and mutated input: all kinds of files that the package reads, and all kinds and timings of CAN frames.
+"""Fuzz the package with random and mutated files of every kind it reads, and with CAN frames of every kind and timing.
 
 Run by `make fuzz`, or: python test/fuzzing.py [--frames N] [--files N] [--lines N] [--sweeps N] [--seed 1]
 
-An input may raise no error except TactileError. An input must not cause a hang, an unreported loss, an exception in a
-callback, or growing memory. The script keeps each file that breaks one of these rules in build/fuzz. After you have
-fixed the defect, move the file to test/data/corpus, which the tests read.
+No input may raise any error other than TactileError. An input must not cause a hang, an unreported loss, an exception
+in a callback, or growing memory. The script keeps each file that breaks one of these rules in build/fuzz. After you
+have fixed the defect, move the file to test/data/corpus, which the tests read.
 """
 
 import argparse
@@ -62,7 +62,7 @@ def read_log(path: Path) -> None:
         pass
 
 
-#: Maps each kind of file to its reader. A reader may raise no error except TactileError.
+#: Maps each kind of file to its reader. A reader may not raise any error other than TactileError.
 READERS: dict[str, Callable[[Path], object]] = {
     'eds': lambda path: load_eds(path, 32), 'layout': load_layout, 'log': read_log,
     'weights': ShapeRecogniser.from_file, 'curves': lambda path: make_recogniser(VOLF, str(path))}
@@ -71,7 +71,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 def survives(kind: str, path: Path) -> str:
     """Read a file and return 'read' or 'refused'.
 
-    Raises HangError after TIMEOUT, and passes on every error of the reader except TactileError.
+    Raises HangError after TIMEOUT, and passes on every error from the reader except TactileError.
     """
     def hang(*_: object):
         raise HangError(f'{path} takes longer than {TIMEOUT} s')
@@ -88,7 +88,7 @@ def survives(kind: str, path: Path) -> str:
 
 
 def originals(folder: Path) -> list[tuple[str, str, bytes]]:
-    """Return (kind, suffix, content) of valid files of each kind.
+    """Return valid files of each kind as (kind, suffix, content).
 
     The files are small, so that reading many of them takes little time.
     """
@@ -260,7 +260,7 @@ class Tracebacks(logging.Handler):
     def ours(self) -> int:
         """Number of exceptions in our package.
 
-        The SDO server of canopen in the simulated skin may raise further exceptions, which do not count.
+        Exceptions in canopen's SDO server, which the simulated skin uses, do not count.
         """
         return sum(count for where, count in self.counts.items() if where.startswith('tactile_node'))
 

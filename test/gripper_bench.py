@@ -1,4 +1,4 @@
-"""A gripper with its action server, pads that feel a spring, and a client, as nodes of one executor.
+"""A gripper with its action server, pads that press on a simulated spring, and a client, as nodes on one executor.
 
 Time is virtual. In each STEP of virtual time, the gripper moves and the pads measure the result. A bench runs in real
 time only if its gripper node or its pads run in another process.
@@ -235,7 +235,7 @@ class Client:
         self._bench.until(is_answered)
 
     def send(self, position=0.0, speed=0.0, effort=0.0, goal=None):
-        """Send a goal, and return its handle after the goal was accepted."""
+        """Send a goal, and return its handle once the goal has been accepted."""
         sent = self._client.send(position, speed, effort, goal=goal)
         self._bench.until(lambda: sent.handle is not None)
         return sent
@@ -250,7 +250,7 @@ class Client:
 def started_node(*parameters, words=(), ros=(), log=None):
     """Run a gripper node in a separate process.
 
-    ``words`` and ``ros`` are further arguments, and ``log`` is the file for the node's log.
+    ``words`` and ``ros`` are additional arguments, and ``log`` is the file for the node's log.
     """
     given = [word for each in ('max_age:=5.0', 'fast_speed:=0.002', 'slow_speed:=0.002', *parameters)
              for word in ('-p', each)]

@@ -11,7 +11,7 @@ from tactile_node.grasp.closing import Outcome
 
 FORCE = 5.0  #: Requested force of a goal [N].
 LATE = 0.8  #: Delay that is longer than the answer_timeout [s].
-PARTLY = 0.05  #: Opening of a goal that opens the gripper partly [m].
+PARTLY = 0.05  #: Target opening of a goal that opens the gripper partway [m].
 #: Jaw opening when the gripper is fully open [m].
 WIDEST = 0.08
 #: Force at which the gripper itself stalls [N].

@@ -1,9 +1,8 @@
 """Serve a gripper's own action until a test stops or kills this process: python gripper_process.py KIND [TRAVEL].
 
-KIND is one of the words works, hangs and rejects. With hangs, the process accepts a goal and then sends no further
-response. TRAVEL is the distance by which the gripper closes in a step of 0.02 s [m]. By default, the gripper closes by
-the distance by which it opens. The process prints one line for each event. The first event is the discovery of the
-client of the action.
+KIND is works, hangs or rejects. With hangs, the process accepts a goal and then sends no further response. TRAVEL is
+the distance by which the gripper closes in a step of 0.02 s [m]. By default, the gripper closes as far in each step as
+it opens. The process prints one line for each event. The first event is the discovery of the action client.
 """
 
 import sys
@@ -20,7 +19,7 @@ ACTION = '/gripper_controller/gripper_cmd'
 
 
 class Gripper:
-    """A gripper whose current goal is replaced by each new goal."""
+    """A gripper on which each new goal replaces the current one."""
 
     def __init__(self, kind, travel=TRAVEL):
         self.kind, self.closes_by, self.opening, self.goal = kind, float(travel), START, None

@@ -24,8 +24,7 @@ ZERO = 6.0           #: Reading at rest [counts].
 def solved(shape: str, lengths: Sequence[float], rounding: float) -> tuple[Solution, float]:
     """Return the contact solution for a pressed flat face, and the area of the face [taxels].
 
-    The unit of ``lengths`` is metres. ``rounding`` is the radius of the rounded edge, as a fraction of the inscribed
-    radius.
+    ``lengths`` are in metres. ``rounding`` is the radius of the rounded edge, as a fraction of the inscribed radius.
     """
     contact = Contact(shape, tuple(length / PITCH for length in lengths), 0.0, 0.0)
     unit = Contact(shape, tuple(length / np.sqrt(contact.area) for length in contact.dimensions), 0.0, 0.0)

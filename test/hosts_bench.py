@@ -1,4 +1,4 @@
-"""A gripper's processing chain on two hosts: skin and driver run on the first host, and the planner on the second host.
+"""A gripper's processing chain on two hosts: skin and driver run on the first host, the planner on the second.
 
 The bench starts the nodes with `tactile bringup`, as a user does. The claims, records and allowed times are defined in
 misled_bench.py. All processes use the steady clock of this machine.
@@ -31,7 +31,7 @@ CLIENT = Path(__file__).with_name('hosts_client.py')
 
 
 def missing(shapes: list[Record]) -> int:
-    """Return the number of frames between ``shapes`` that were lost, except those that a stage left out on purpose."""
+    """Return the number of frames lost between ``shapes``, not counting frames that a stage left out on purpose."""
     return sum(max(0, after['sequence'] - before['sequence'] - 1 - after['left_out'])
                for before, after in zip(shapes, shapes[1:]))
 
@@ -63,7 +63,7 @@ class HostsWorld(World):
     period
         Time between two frames [s].
     discovery_server
-        True if a discovery server on the first host replaces the addresses of the peers.
+        True if a discovery server on the first host replaces the list of peer addresses.
     environment
         Additional environment variables for all processes.
     given
@@ -128,7 +128,7 @@ class HostsWorld(World):
         return self._on(self.hosts.second)(command, **keywords)
 
     def driver_waits(self, seconds: float) -> int:
-        """Check every 0.1 s whether a thread of the bus host waits for the link, and return how often one did."""
+        """Check every 0.1 s if a thread on the bus host is waiting for the link, and return how often one was."""
         ends, found = time.monotonic() + seconds, 0
         while time.monotonic() < ends:
             time.sleep(0.1)

@@ -86,5 +86,5 @@ def processes_of(path, **given):
 
 
 def nodes_of(process, namespace=''):
-    """Return descriptions of the nodes that a process would start, from arguments parsed as in the real command."""
+    """Describe the nodes that a process would start, parsing its arguments as the real command does."""
     return describe_nodes(_parser('bringup').parse_args(process['arguments']), namespace)

@@ -31,7 +31,7 @@ SEED = 16
 
 
 class Link(NamedTuple):
-    """State of the link, whose fields are described in two_hosts.LossyHosts.set."""
+    """State of the link. LossyHosts.set in two_hosts.py describes the fields."""
 
     loss: float = 0.0
     delay: float = 0.0
@@ -45,7 +45,7 @@ class Relay:
         self._other = {ends[0]: ends[1], ends[1]: ends[0]}
         self._random = random.Random(SEED)
         self._link = Link()
-        # Tuples of the time to send, a running number, the target device and the packet.
+        # Tuples of send time, sequence number, target device and packet.
         self._waiting: list[tuple[float, int, int, bytes]] = []
         self._order = itertools.count()
 

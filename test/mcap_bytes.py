@@ -1,4 +1,4 @@
-"""Find the records of an MCAP file by its specification (mcap.dev/spec), so that tests can damage them."""
+"""Find the records of an MCAP file as its specification defines them (mcap.dev/spec), so that tests can damage them."""
 
 import struct
 from typing import NamedTuple
@@ -9,7 +9,7 @@ CHUNK, MESSAGE_INDEX, DATA_END = 0x06, 0x07, 0x0F
 class Record(NamedTuple):
     """Offsets of a record.
 
-    ``begin`` is the offset of the opcode, ``content`` follows the length of 8 bytes, and ``end`` is the next record.
+    ``begin`` is at the opcode, ``content`` is just after the 8-byte length, and ``end`` is at the next record.
     """
 
     opcode: int
@@ -36,7 +36,7 @@ def chunks(data):
 def payload(chunk, data):
     """Return the offset of a chunk's compressed records.
 
-    The fields before these records are two times, size, CRC, compression and size.
+    Two times, a size, a CRC, the compression and another size precede these records.
     """
     name, = struct.unpack_from('<I', data, chunk.content + 28)
     return chunk.content + 32 + name + 8

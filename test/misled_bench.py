@@ -47,7 +47,7 @@ Popen = Callable[..., subprocess.Popen]  # function that starts a process on thi
 
 
 def empty(record: Record) -> bool:
-    """Return True if the message reports a pad or both pads as empty."""
+    """Return True if the message reports one or both pads as empty."""
     return (record.get('contact') in ('NO_CONTACT', 'ONE_SIDED') or 'SIDE_EMPTY' in record.get('sides', ())
             or record.get('shape') == 'NONE' or 'NONE' in record.get('shapes', ()))
 
@@ -114,7 +114,7 @@ class Finding(NamedTuple):
     seconds: float   #: time for which the latest message made the claim [s]
     messages: int    #: number of messages that made the claim
     bound: float     #: allowed time [s]
-    latency: float   #: transport time to the consumer before the fault, for which old data still arrives [s]
+    latency: float   #: transport time before the fault; old data still arrives for this long after the fault [s]
     stall: float     #: time for which the machine itself stood still [s]
     seen: str        #: states that the consumer saw
     has_ended: bool  #: True if the latest message no longer makes the claim
@@ -166,7 +166,7 @@ class Watch:
         self._stop = threading.Event()
 
     def tick(self) -> None:
-        """Record each stall, in which this process had no processor or a thread kept the interpreter's lock."""
+        """Record each stall, during which this process had no processor or one thread held the interpreter lock."""
         before = time.monotonic()
         while not self._stop.wait(PAUSE):
             now = time.monotonic()
@@ -199,7 +199,7 @@ class Watch:
         self.unstable = self.false(FalseClaim('not stable', negated(stable)), began).seconds / max(seconds, 1e-9)
 
     def watch(self, since: float, seconds: float, *claims: FalseClaim) -> list[Finding]:
-        """Watch for ``seconds`` after ``since`` [s, monotonic], and longer until the claims with a bound have ended."""
+        """Watch for ``seconds`` after ``since`` [s, monotonic], and then until the claims with a bound have ended."""
         end = since + seconds
         time.sleep(max(0.0, end - time.monotonic()))
         while True:
@@ -237,13 +237,13 @@ class Watch:
 class World(Watch):
     """The processing chain of a gripper.
 
-    A case may leave nodes out, or set the parameters of a node by the role of the node.
+    A case may leave out nodes, or set the parameters of the node with a given role.
 
     ``period`` is the time between two frames [s]. The allowed times are based on PERIOD. A longer ``period`` lets a
     busy machine keep up.
     """
 
-    hands_over = True  #: True if stages pass results by function calls as in one process, or False if only by messages
+    hands_over = True  #: True if stages pass results by function calls, as in one process; False if only by messages
 
     def __init__(self, held: dict[str, Any] | None = None, *, without: Sequence[str] = (),
                  topics: Sequence[str] = ('grasp=grasp', 'left=left/shape'), relayed: str = '', period: float = PERIOD,
@@ -296,7 +296,8 @@ class World(Watch):
         stack.callback(self._stop.set)
         if 'driver' in self.nodes:
             self.nodes['driver'].autostart()
-        # Our processes also freeze the collector, because a full collection takes as long as an allowed silence.
+        # Our processes also freeze the garbage collector, because a full collection takes as long as an allowed
+        # silence.
         gc.freeze()
 
     def _make_nodes(self) -> None:
@@ -336,7 +337,7 @@ class World(Watch):
         return ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
 
     def remove(self, name: str) -> None:
-        """Destroy a node without a message, like a crash.
+        """Destroy a node without any message, as a crash would.
 
         The executor's thread destroys the node, because this thread may be using the node.
         """

@@ -1,7 +1,7 @@
 """Cases that try to mislead a consumer. Each case disturbs one thing while both pads hold an object.
 
 The consumer looks only at the latest message. `python test/misled_catalogue.py` (`make misled`) runs every case. The
-script prints the false claims that the consumer saw, for how long the consumer saw them, and the allowed time.
+script prints each false claim that the consumer saw, how long the claim lasted, and how long it was allowed to last.
 test_misled.py runs some of these cases and measures no times.
 """
 
@@ -136,7 +136,7 @@ def rows_lost(world: World) -> list[Finding]:
 def a_part_is_hidden() -> list[Finding]:
     """The lower rows of the object are hidden.
 
-    The visible part of the object is shorter and lighter than the whole, and has another centre.
+    The visible part is shorter than the whole object, carries less force, and has a different centre.
     """
     with World() as world:
         world.hold()
@@ -316,7 +316,7 @@ def joint_states_end() -> list[Finding]:
 
 
 def opening_is_not_known() -> list[Finding]:
-    """No source gives the gripper's opening.
+    """No source provides the gripper's opening.
 
     Without an opening, no width may be reported, in particular not the width of a closed gripper.
     """
@@ -346,7 +346,7 @@ def event_of_a_stale_skin() -> list[Finding]:
 def latched_event_is_no_present_one() -> list[Finding]:
     """The object slips once by 1.5 taxels.
 
-    The field `moving` must not report the slip for as long as the field `last_event`.
+    The field `moving` must stop reporting the slip well before the field `last_event` does.
     """
     with World() as world:
         world.hold()

@@ -1,4 +1,4 @@
-"""Driver of another bus with the same node names, which publishes both pads as seen and empty.
+"""Driver for another bus with the same node names. This driver reports both pads as seen and empty.
 
     python test/rival_driver.py PERIOD
 
@@ -13,7 +13,7 @@ from builtin_interfaces.msg import Duration
 
 from tactile_skin.msg import TaxelArray
 
-SIDE = 16  #: Number of rows and of columns of a pad.
+SIDE = 16  #: Number of rows, and of columns, in a pad.
 
 
 def main() -> None:

@@ -1,11 +1,11 @@
-"""Stalls of the skin, the adapter or the driver, each of which continues afterwards.
+"""Stalls of the skin, the adapter or the driver, each of which resumes afterwards.
 
 The skin and its serial adapter run in a separate process.
 
 `python test/stalls.py` starts the process of the skin and the adapter. Each taxel value encodes the SYNC that it
 answers, so that a test can detect an old value with a current stamp. The process of the skin reads commands from its
-standard input. The commands `hold` and `release` stop and continue the data from the adapter to the host. The command
-`report` prints the time at which the skin answered each SYNC.
+standard input. The commands `hold` and `release` stop and resume the data flow from the adapter to the host. The
+command `report` prints the time at which the skin answered each SYNC.
 """
 
 import ctypes
@@ -44,7 +44,7 @@ def pads() -> tuple[LivePad, ...]:
 
 
 class HeldUpAdapter(SlcanPty):
-    """A serial adapter that can hold back its data to the host, and then sends all held data at once."""
+    """A serial adapter that can hold back data for the host and then send all of it at once."""
 
     def __init__(self) -> None:
         self._held: bytearray | None = None
@@ -77,7 +77,7 @@ class StallBench:
         self.detected: float | None = None  #: not measured
         self.wrong_durations: list[str] = []  #: reported by `make faults` only, because a busy machine may be the cause
         self._asked: list[float] = []  # stamps of the SYNC messages that the driver wrote
-        self._stalled = 0.0, 0.0  # begin and end of the stall
+        self._stalled = 0.0, 0.0  # start and end of the stall
 
     def __enter__(self) -> 'StallBench':
         self._skin = subprocess.Popen([sys.executable, __file__], text=True, stdin=subprocess.PIPE,
@@ -114,7 +114,7 @@ class StallBench:
 
     def stalled_driver(self, seconds: float) -> None:
         """Stop this process, while the skin continues."""
-        # This call keeps the interpreter's lock, so that no thread runs.
+        # This call holds the interpreter lock, so no other thread runs.
         ctypes.PyDLL(None).usleep(round(1e6 * seconds))
 
     def stalled_skin(self, seconds: float) -> None:
@@ -157,7 +157,7 @@ class StallBench:
 
     @property
     def faults(self) -> set[NodeFault]:
-        """Faults that were logged so far."""
+        """Faults logged so far."""
         return {fact for fact in self.log.facts if isinstance(fact, NodeFault)}
 
     @property
@@ -192,7 +192,7 @@ class StallBench:
         print(line, file=self._skin.stdin, flush=True)
 
     def _answered(self) -> dict[int, float]:
-        """Return the time at which the skin answered each SYNC, without the SYNCs during the stall."""
+        """Return the time at which the skin answered each SYNC, except for the SYNCs during the stall."""
         self._tell('report')
         begun, ended = self._stalled
         return {number: at for number, at in json.loads(self._skin.stdout.readline())

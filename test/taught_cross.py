@@ -1,4 +1,4 @@
-"""A cross that is drawn without the package's generator, and a model file that was taught this cross.
+"""A cross drawn without the package's generator, and a model file that has been taught this cross.
 
 The file was taught with 15 touches.
 """
@@ -41,7 +41,7 @@ def disc(rng, radius=4.0):
 
 
 def held(rng, pressed, count):
-    """Yield the frames of ``count`` touches [Pa], with a lift between two touches."""
+    """Yield the frames of ``count`` touches [Pa], with a lift after each touch."""
     frames = []
     for _ in range(count):
         covered = pressed(rng)
@@ -54,7 +54,7 @@ def rng_of(number):
 
 
 def third_of_background():
-    """Return every third sample of the background, which is fast and still tells a cross from everything else."""
+    """Return every third background sample: a fast choice that is still enough to tell a cross from everything else."""
     whole = load_background('graded')
     return Background(whole.patches[::3], whole.labels[::3])
 

@@ -29,7 +29,7 @@ ENDPOINTS = {('topics', 'publish'): 'publisher', SUBSCRIBED: 'subscriber', ('ser
 
 
 def graph_of(watcher, nodes) -> dict:
-    """Return the topics and services of each node, first by (kind, attribute) and then by (namespace, node)."""
+    """Return the topics and services of each node, keyed by (kind, attribute) and then by (namespace, node)."""
     keys = [(node.get_namespace(), node.get_name()) for node in nodes]
     return {kind: {(space, name): {topic for topic, _ in getattr(watcher, f'get_{endpoint}_names_and_types_by_node')(
         name, space)} for space, name in keys} for kind, endpoint in ENDPOINTS.items()}

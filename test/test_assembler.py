@@ -1,4 +1,4 @@
-"""Tests that feed the frame assembler byte by byte.
+"""Tests that feed the frame assembler with hand-written CAN frames.
 
 Node 1 sends 3 TPDOs (0x181, 0x281, 0x381), and each TPDO carries one row of 2 taxels.
 """

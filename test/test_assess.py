@@ -178,7 +178,7 @@ def test_every_contact_counts_but_those_cut_by_the_edge():
 
 
 def test_the_skin_is_measured():
-    """Gains with a log-uniform distribution over 3:1 have a standard deviation of log(3) / sqrt(12) = 0.317."""
+    """Gains with a log-uniform distribution over a 3:1 range have a standard deviation of log(3) / sqrt(12) = 0.317."""
     skins = {'gains': 1.0, 'blur': 0.0}, {'blur': 0.0}, {'gains': 1.0, 'blur': 2.0}
     even, uneven, blurred = (measure_skin([frame for _, frame in frames_of(EVERY, 9, count=12, **skin)])
                              for skin in skins)
@@ -222,7 +222,7 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
         before, after = base.recognise(contact), of_library.recognise(contact)
         assert of_node.recognise(contact) == after and line['probabilities'] == pytest.approx(
             {shape.value: p for shape, p in after.probabilities.items()})
-        # An answer in doubt has a limited confidence, so its probabilities cannot be compared.
+        # The confidence of a doubtful answer is limited, so its probabilities cannot be compared.
         if {before.doubt, after.doubt} != {UnknownReason.NOT_UNKNOWN}:
             continue
         expected = {shape: max(before.probabilities[shape], 1e-6) ** 0.5 * np.exp(bias)
@@ -238,7 +238,7 @@ def test_library_command_and_classifier_load_the_file_and_answer_as_it_says(arra
 def test_an_adaptation_makes_no_name_sure_that_the_taxels_do_not_support(taxels, is_sure, arrays, tmp_path):
     """A shape recognised from too few taxels stays uncertain, even with many agreeing frames or a large bias.
 
-    A rectangle is certain only from 9 taxels on, so 2 x 3 taxels are too few.
+    A rectangle needs at least 9 taxels to be certain, so 2 x 3 taxels are too few.
     """
     biases = [50.0 * (shape is Shape.RECTANGLE) for shape in OUTPUTS]
     np.savez(tmp_path / 'skin.npz', **changed('biases', biases)(arrays))
@@ -278,7 +278,7 @@ def test_a_file_that_is_no_assessed_file_is_refused_with_our_error(arrays, chang
 
 
 def test_shapes_taught_afterwards_leave_the_adaptation_out(arrays, tmp_path):
-    """The biases of an adaptation no longer fit once further shapes are taught."""
+    """The biases of an adaptation no longer fit once the user has taught more shapes."""
     with (tmp_path / 'taught.npz').open('wb') as stream:
         write_taught(stream, arrays, [], {}, {})
     assert not any('_skin_' in name for name in read_arrays(tmp_path / 'taught.npz'))
@@ -313,7 +313,7 @@ def test_the_command_reports_and_writes_a_file_that_changes_the_answers(recordin
 
 
 def test_the_command_assesses_an_adapted_file_as_it_is_and_replaces_its_adaptation(recordings, capsys):
-    """A second adaptation from the same touches brings too little gain to be kept."""
+    """A second adaptation from the same touches improves too little to be kept."""
     output = recordings / 'once.npz'
     assert main([*words_of(recordings, *EVERY), '-o', str(output)]) == 0
     assert main([*words_of(recordings, *EVERY), '--model', str(output), '-o', str(recordings / 'twice.npz')]) == 1

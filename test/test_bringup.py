@@ -127,7 +127,7 @@ def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
 
 
 def test_the_force_on_a_simulated_skin_has_a_standard_deviation_and_the_process_ends_with_another_one():
-    """The force has the expected standard deviation, and the process ends with the process that --end-with names.
+    """The force has the expected standard deviation, and the command exits with the process named by --end-with.
 
     The standard deviation of a taxel is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels. Taxels
     near the press threshold increase the standard deviation of the force. The test therefore waits for ten messages

@@ -149,7 +149,7 @@ def test_a_producer_that_begins_within_a_window_has_its_own_period():
 
 
 def looks(sent: Callable[[float], int], seconds: float = 12.0) -> list[tuple[float, bool]]:
-    """Return pairs of the time of an update and True if the node then counts as two devices.
+    """Return, for each update, its time and True if the node then counts as two devices.
 
     ``sent(now)`` is the number of heartbeats received up to the time ``now``.
     """

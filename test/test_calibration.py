@@ -73,7 +73,7 @@ def length_errors(lines: str) -> dict[str, list[float]]:
 
 @pytest.mark.slow
 def test_sizes_of_other_objects_are_right_after_one_calibration(response_file, other_log, tmp_path, capsys):
-    """The median lengths are right within 1.5 % with the response, and at least 2.5 % too large without it."""
+    """The median lengths are accurate to within 1.5 % with the response, and at least 2.5 % too large without it."""
     frames = tmp_path / 'others.npy'
     assert main(['replay', str(other_log), '--output', str(frames)]) == 0
     raw = np.load(frames)

@@ -171,8 +171,8 @@ def test_a_sweep_without_sync_must_fit_into_its_time(capsys):
 def test_several_pads_on_one_bus_share_its_time(pads, period, load, warns, capsys):
     """At 50 Hz, four pads load the bus with 50 x (55 + 4 x 32 x 135) bit/s = 866.75 kbit/s.
 
-    By ISO 11898-1, a frame of 8 bytes takes 135 bits and a SYNC takes at most 55 bits. All pads share one SYNC in each
-    period.
+    According to ISO 11898-1, a frame of 8 bytes takes 135 bits and a SYNC takes at most 55 bits. All pads share one
+    SYNC in each period.
     """
     code, out = check(capsys, 'sim16x16.yaml', '--pads', pads, '--sync-period', period, '--json')
     found = json.loads(out)

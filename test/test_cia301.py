@@ -99,7 +99,7 @@ def drawn(rng: random.Random) -> Frame:
 
 
 def test_no_frame_is_longer_than_the_worst_case():
-    """In Bosch CAN 2.0, a stuff bit can follow the first five equal bits and then every further four bits."""
+    """In Bosch CAN 2.0, a stuff bit can follow the first five equal bits, and then every four more bits."""
     rng = random.Random(4)
     assert all(len(on_the_wire(frame)) <= worst_case_bits(frame) for frame in (drawn(rng) for _ in range(5000)))
     assert [worst_case_bits(Frame(1, bytes(n))) for n in range(9)] == [load_bits(n) for n in range(9)]

@@ -1,4 +1,4 @@
-"""Tests for a gripper that closes until touched, including its reasons to stop and the resulting force.
+"""Tests for a gripper that closes until it touches an object: its reasons to stop and the resulting force.
 
 The pads press against simulated springs.
 """
@@ -337,7 +337,7 @@ def two_sided(force, acquired):
 
 def test_a_goal_to_open_ends_where_the_force_rises_beyond_what_it_began_with():
     widening = Widening(0.08, LIMITS, 0.0, 0.04)
-    # A frame from before the goal must not set the initial force.
+    # A frame acquired before the goal must not set the initial force.
     assert widening.look(0.1, two_sided(50.0, -1.0), 0.04) is None
     assert widening.look(0.2, two_sided(9.0, 0.2), 0.04) is None
     assert widening.look(0.3, two_sided(9.0 + LIMITS.touch_force, 0.3), 0.04) is None

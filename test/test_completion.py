@@ -16,7 +16,7 @@ HEAVY = 'scipy', 'rclpy', 'matplotlib', 'can', 'canopen'
 
 
 def asked(line, *words):
-    """Return the environment variables that a shell sets to complete ``line``, if ``words`` start the program."""
+    """Return the variables that a shell sets to complete ``line`` for a program that is started with ``words``."""
     return {'COMP_LINE': line, 'COMP_POINT': str(len(line)), '_ARGCOMPLETE': str(len(words) or 1)}
 
 

@@ -1,4 +1,4 @@
-"""Tests for the smallest rectangle around a contact, for lower bounds of cut contacts, and for hollow contacts."""
+"""Tests for the smallest rectangle around a contact, lower bounds of truncated contacts, and hollow contacts."""
 
 import numpy as np
 import pytest

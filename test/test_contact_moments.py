@@ -157,7 +157,7 @@ def test_away_from_the_edge_no_force_is_a_bound():
     assert not found_in(pressed(np.s_[6:11, 6:11])).moments.force_is_bound
 
 
-# Tests of all contacts of a pad
+# Tests of all the contacts on a pad
 
 # At 50 kPa, the contacts of 36 and 16 taxels have forces of 7.2 N and 3.2 N.
 LARGEST, SECOND = np.s_[2:8, 2:8], np.s_[10:14, 9:13]
@@ -226,7 +226,7 @@ def test_more_contacts_than_have_labels_are_a_bound():
 @pytest.mark.parametrize('dead', [False, True])
 @pytest.mark.parametrize(('side', 'noise'), [(4, 500.0), (8, 500.0), (8, 4000.0)])
 def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
-    """The reported standard deviations match the spread of repeated frames within a factor of 2.
+    """The reported standard deviations match the spread of repeated frames to within a factor of 2.
 
     The standard deviations of each frame are estimated from the noise beside the contact.
     """
@@ -310,7 +310,7 @@ def test_a_dead_taxel_at_the_rim_makes_the_force_uncertain_and_no_bound(place):
 def test_standard_deviations_of_contacts_with_a_rim(noise):
     """The median ratio of reported to measured standard deviation is within a factor of 2.
 
-    Taxels at the rim enter and leave the contact between frames, and a single frame hardly shows this change.
+    Taxels at the rim enter and leave the contact from frame to frame, which a single frame hardly shows.
     """
     ratios = np.array([ratios_of(generator(Purpose.TEST, 400 + k), CLASSES[k % 5], noise)
                        for k in range(20 if LONG else 10)])

@@ -33,8 +33,8 @@ pytestmark = pytest.mark.ros
 COUNTS = BusStatistics({'left': PadStatistics(complete=0, incomplete=0, expected=0, received=0, used=0, pending=0,
                                               losses=dict.fromkeys(LossReason, 0))}, {})
 HEALTH = BusHealth(nodes={'left': (NodeHealth(32, NmtState.OPERATIONAL, True, 0.1),)})
-#: Name of a table, one of its rows, and the place of the row in the messages. Place 0 is the bus, place 1 its pad, and
-#: place 2 the node of the pad.
+#: Name of a table, one of its rows, and the place of the row in the messages: 0 for the bus, 1 for its pad, and 2 for
+#: the pad's node.
 ROWS = (('BUS_LOSSES', 'poll_overruns', 0), ('BUS_EVENTS', 'stalls', 0), ('PAD_COUNTERS', 'tpdos_used', 1),
         ('NODE_COUNTERS', 'boots', 2))
 

@@ -192,7 +192,7 @@ BLF_FRAMES = 6000  # This number of frames fills several containers.
 
 @cache
 def blf_bytes(compression):
-    """Return the bytes of a BLF file that python-can has written with numbered frames."""
+    """Return the bytes of a BLF file with numbered frames, written by python-can."""
     random = np.random.default_rng(1)
     with TemporaryDirectory() as folder:
         path = Path(folder, 'x.blf')

@@ -1,7 +1,7 @@
 """Tests for estimating how long messages were held back.
 
 The cases cover clocks that differ, drift and jump, bursts of messages, and a busy machine. Each case has a sender's
-timeline and its true delays. For a reader of the latest message, no old message may be both settled and current.
+timeline and its true delays. A reader of the latest message must never see an old message as both settled and current.
 Messages must be usable again after the stated time.
 """
 
@@ -139,7 +139,7 @@ def test_a_clock_slewed_as_fast_as_chrony_does_makes_nothing_old_look_current(st
 
 @pytest.mark.parametrize('seed', range(20))
 def test_a_busy_machine_does_not_withdraw_freshness_for_long(seed):
-    """Delays of 10-50 ms occur now and then, from the first message on.
+    """Delays of 10-50 ms occur occasionally, starting with the first message.
 
     Messages may count as not fresh for less than 1 % of the time. The messages that are not fresh must span less than
     0.6 s or be fewer than 30.

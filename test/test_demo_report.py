@@ -50,7 +50,7 @@ def test_the_csv_has_pose_and_size_with_their_deviations_as_numbers(verdicts, tm
 
 
 def circle(radius, sd=0.03):
-    """Return the verdict on a touch by a circle of 4 mm radius that is measured with ``radius`` [mm]."""
+    """Return the verdict on a touch by a circle of 4 mm radius whose measured radius is ``radius`` [mm]."""
     fit = CIRCLE._replace(dimensions={'radius': 1e-3 * radius}, covariance=np.diag([1e-5, 2e-5, 1e-3 * sd]) ** 2)
     verdict, = verdicts_of('left', TOUCHES[1:2], [Seen(2.5, {'circle': 1.0}, np.zeros((16, 16)), fit)], PITCH)
     return verdict

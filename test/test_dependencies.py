@@ -60,8 +60,8 @@ NOT_IN_EVERY_ROS = {f'rclpy.{name}' for name in (
     'topic_endpoint_info')}
 OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'examples', 'from_code',
         *(path.stem for folder in ('tools', 'bench', 'examples') for path in (ROOT / folder).glob('*.py'))}
-#: Modules that only single tests or examples import. A robot needs them only for such an example, and a developer only
-#: for such a test.
+#: Modules that only individual tests or examples import. A robot needs them only for such an example, and a developer
+#: only for such a test.
 OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'tactile_msgs', 'playwright', 'mujoco', 'control_msgs'}
 
 

@@ -1,6 +1,6 @@
 """Tests that the examples run the bus side as a service and in a container.
 
-systemd ignores unknown lines of a unit. `systemd-analyze verify` prints unknown lines but returns 0, so a reader who
+systemd ignores unknown lines in a unit. `systemd-analyze verify` prints unknown lines but returns 0, so a reader who
 copies the unit would not notice them.
 """
 
@@ -23,7 +23,7 @@ UNIT = EXAMPLES / 'tactile_bus.service'
 
 
 def program(name: str) -> str:
-    """Return the path of a program beside this Python or on the PATH, or skip the test if the program is missing."""
+    """Return the path of a program next to this Python or on the PATH, or skip the test if the program is missing."""
     found = shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
     return found or pytest.skip(f'{name} is not installed')
 
@@ -33,7 +33,7 @@ def run(*words):
 
 
 def complaints(unit: Path) -> list[str]:
-    """Return the messages of systemd about this unit, without messages about other units on this machine."""
+    """Return systemd's messages about this unit, leaving out those about other units on this machine."""
     done = run(program('systemd-analyze'), 'verify', '--man=no', unit)
     return [line for line in done.stderr.splitlines() if unit.name in line]
 

@@ -153,7 +153,7 @@ def test_another_sync_cob_id_is_written(now, written):
 def test_a_device_that_produces_sync_on_another_cob_id_is_refused():
     """CiA 301 does not allow a device to change its SYNC COB-ID while the device produces SYNC.
 
-    The driver would take a SYNC with another COB-ID for another kind of CAN frame.
+    The driver would mistake a SYNC with another COB-ID for another kind of CAN frame.
     """
     device = Device().having(SYNC, 0x4000_0081)
     with pytest.raises(DeviceError, match='0x081'):

@@ -1,7 +1,7 @@
 """Tests for a pad whose taxels form a DOMAIN that the driver reads by SDO.
 
 The tests check the protocol byte by byte, the resulting frames, and a whole driver. The CRC-16/XMODEM of b'123456789'
-is 0x31C3. Every table of CRCs lists this check value, and CiA 301 specifies the same polynomial.
+is 0x31C3. Every catalogue of CRCs lists this check value, and CiA 301 specifies the same polynomial.
 """
 
 from random import Random
@@ -186,7 +186,7 @@ def test_bad_layouts(tmp_path, change, says):
 
 
 def moving():
-    """Return a source in which every sample differs.
+    """Return a source whose samples all differ.
 
     The value is 10 * (taxel number + 7 * sample number) Pa.
     """
@@ -214,7 +214,7 @@ def test_simulated_skin_end_to_end_and_its_log_again(tmp_path, refuses_blocks):
 
 @pytest.mark.bus
 def test_our_own_requests_take_their_part_of_the_bus(tmp_path):
-    """The recorded log must contain every frame that the load counts.
+    """The recorded log must contain every frame that counts towards the load.
 
     ``bits`` maps the number of data bytes to the length of a frame with 11 identifier bits and the most stuff bits (ISO
     11898-1).

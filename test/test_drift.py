@@ -51,7 +51,7 @@ def test_slow_drift_is_followed():
 def test_a_grasp_of_minutes_keeps_its_pressure_and_leaves_no_jump(before):
     """The grasp exists from the first frame, or begins after 30 s.
 
-    The simulated skin does not drift here, so any loss of pressure is an error of the code.
+    The simulated skin does not drift here, so any loss of pressure is an error in the code.
     """
     pad = TaredPad(GUARD, DriftFollower(LIMIT))
     if before:

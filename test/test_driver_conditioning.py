@@ -158,7 +158,7 @@ def test_a_live_change_and_configure_refuse_the_same_heartbeat_timeout(make):
 
 
 def test_a_live_change_while_the_driver_configures_takes_effect(make, monkeypatch):
-    """Configure takes seconds after it has read the parameters.
+    """After reading the parameters, configure takes several seconds.
 
     A parameter that changes during this time must still take effect.
     """

@@ -46,7 +46,7 @@ ALL_STATUS_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOC
 def chain(ros):
     load = [PRESSED]
     bench = ros.enter_context(FaultBench('driver node', source=lambda t: np.full((SIDE, SIDE), load[0])))
-    # A stall as long as this SYNC period [s] is reported as WARN, but such long stalls are rare.
+    # A stall as long as this SYNC period [s] is reported as WARN, but stalls that long are rare.
     chain = DriverBench(ros, bench, sync_period=0.2)
     chain.load = load
     return chain
@@ -298,7 +298,7 @@ def test_tare_is_refused_under_load_and_takes_off_what_is_below_the_limit(chain)
 
 @pytest.fixture
 def tare_here(chain, monkeypatch):
-    """Return a function that runs `tactile tare` for 5 frames on a thread of this process, beside the driver."""
+    """Return a function that runs `tactile tare` for 5 frames on another thread of the driver's process."""
     # ROS is already running in this process and must keep running.
     monkeypatch.setattr(rclpy, 'init', lambda **given: None)
     monkeypatch.setattr(rclpy, 'try_shutdown', lambda: None)

@@ -82,7 +82,7 @@ TEXT = '[1008]\nParameterName=x\nDataType=0011\nAccessType=ro\nDefaultValue=007\
 
 
 def test_a_number_with_a_leading_0_is_octal(tmp_path):
-    """By CiA 306, a leading 0 marks an octal number, as in C.
+    """According to CiA 306, a leading 0 marks an octal number, as in C.
 
     A leading 0 in a string stays unchanged.
     """
@@ -207,7 +207,7 @@ DefaultValue=0x12
     (SMALL.replace('DataType=0x0007', 'DataType=0x0008').replace('0x12 ;', '18 ;'), 'section [1018sub1]'),
     (SMALL.replace('1018sub1', '1018SUB01').replace('0x12 ;', 'ACME ;'), 'section [1018sub01], key "DefaultValue"')])
 def test_an_identity_that_cannot_be_compared_is_refused(tmp_path, text, says):
-    """If such an EDS were accepted, the identity would not be checked, or the check would end in a TypeError."""
+    """If this EDS were accepted, the identity would not be checked, or the check would end in a TypeError."""
     with pytest.raises(ConfigurationError) as refused:
         identity_of(load_eds(write(tmp_path, text), 5), 'device.eds')
     assert says in str(refused.value) and 'device.eds' in refused.value.where and refused.value.remedy

@@ -1,7 +1,7 @@
 """Tests for skins without SYNC, frame by frame, as sweeps and as snapshots in which each TPDO has an age.
 
 Three TPDOs of node 1 (0x181, 0x281, 0x381) carry a row of 2 taxels each, with value = 2 (counts - 10) Pa. The simulated
-devices send the number of their scan in every taxel, so a frame that mixes two scans is visible.
+devices send the number of their scan in every taxel, so a frame that mixes two scans can be recognised.
 """
 
 import itertools
@@ -95,7 +95,7 @@ def test_a_lost_tpdo_leaves_its_taxels_stale(sweeps, lost, stamp):
 
 
 def test_no_frame_of_any_loss_pattern_mixes_two_sweeps(tmp_path):
-    """In three sweeps of three TPDOs, each TPDO is either lost or received, which gives 512 cases."""
+    """In three sweeps of three TPDOs, each TPDO is either lost or received, so there are 512 cases."""
     layout = tiny_layout(tmp_path, SWEEPS)
     for kept in itertools.product((False, True), repeat=9):
         assembler, results = of_layout(layout), ()

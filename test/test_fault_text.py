@@ -1,4 +1,4 @@
-"""Tests that each fault has one sentence, which contains the known details."""
+"""Tests that each fault is described in one sentence that contains the known details."""
 
 from functools import partial
 

@@ -1,6 +1,6 @@
 """Tests of the fault catalogue, which lists what a user sees during each fault.
 
-The taxel values must stay right during every fault.
+The taxel values must stay correct during every fault.
 """
 
 import threading
@@ -64,7 +64,7 @@ def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
         bench.repair()
     assert [path.name for path in tmp_path.iterdir()] == ['session.log']
     syncs = np.array([float(line.split()[0][1:-1]) for line in record.read_text().splitlines() if ' 080#' in line])
-    gaps = np.flatnonzero(np.diff(syncs) > 0.25)  # A busy machine may cause further gaps.
+    gaps = np.flatnonzero(np.diff(syncs) > 0.25)  # A busy machine may cause additional gaps.
     assert ((0 < gaps) & (gaps < len(syncs) - 2)).any()
 
 

@@ -34,10 +34,7 @@ def test_every_feature_is_that_of_the_definition(name):
 
 @pytest.mark.parametrize('name', assorted())
 def test_every_rotated_pattern_is_that_of_the_definition(name):
-    """With TACTILE_LONG, the test takes every angle.
-
-    Without TACTILE_LONG, the test takes every third angle, and the first angle depends on the pattern.
-    """
+    """The test uses every third angle from one that depends on the pattern, or every angle with TACTILE_LONG."""
     mask, begin = assorted()[name], list(assorted()).index(name) % 3
     chosen = slice(None) if os.environ.get('TACTILE_LONG') else slice(begin, None, 3)
     for angle, rotated in [*zip(ANGLES, rotated_patterns(mask))][chosen]:

@@ -1,4 +1,4 @@
-"""Tests for the size and place of figures that press a simulated skin, given by name or read from a picture."""
+"""Tests for the size and position of figures pressed into a simulated skin, given by name or read from a picture."""
 
 import numpy as np
 import pytest

@@ -58,7 +58,7 @@ def test_the_transition_shutdown_is_answered_and_ends_the_process(command, state
         # The first answers may be lost, because DDS has not discovered this node yet.
         while change(NO_TRANSITION, 2.0) is None:
             assert process.poll() is None
-        # From time to time, a waiting driver is configuring and refuses to shut down.
+        # A waiting driver refuses to shut down while it is configuring, which it does from time to time.
         while not (answer := change(SHUTDOWN[state])).success:
             assert answer is not None and state == SkinStatus.UNCONFIGURED
         assert process.wait(TIMEOUT) == 0

@@ -130,7 +130,7 @@ def test_sixteen_bits_keep_their_resolution_and_transparent_pixels_have_no_value
 
 
 def png_with_a_transparent_grey(path, depth, row, grey):
-    """Write a PNG file with one line of pixels, colour type 0 and a tRNS chunk, by the PNG specification."""
+    """Write a PNG file with one line of pixels, colour type 0 and a tRNS chunk, as defined by the PNG specification."""
     def chunk(kind, content):
         return struct.pack('>I', len(content)) + kind + content + struct.pack('>I', zlib.crc32(kind + content))
     header = struct.pack('>IIBBBBB', len(row) * 8 // depth, 1, depth, 0, 0, 0, 0)

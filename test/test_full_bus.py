@@ -72,7 +72,7 @@ def test_a_node_that_is_gone_holds_up_no_other(clock):
 
 
 def test_on_a_bus_that_is_never_idle_for_long_a_sweep_left_out_costs_not_all():
-    """Another device uses part of the time on the bus, and the rest is free."""
+    """Another device uses part of the bus time, and the rest is free."""
     chatter = Node([0x700], size=1, skips=lambda number: True)
     chatter.chatter(np.arange(0, SWEEPS * 0.02, 0.0004))
     seen, = played(ONE, np.arange(SWEEPS) * 0.02, WIRE, skips=lambda number: number == EVENT, chatter=[chatter])
@@ -96,7 +96,7 @@ def test_foreign_frames_that_go_first_give_no_frame_a_wrong_stamp(load, foreign,
         others.chatter(np.arange(0.0, SWEEPS * period, frame_seconds(8) / foreign))
     for seen in played(pads, np.arange(SWEEPS) * period, clock, chatter=[others]):
         assert not seen.wrong and (foreign or len(seen.answered) == SWEEPS)
-        # The end of the last sweep may stay in doubt, because no further sweep follows.
+        # The end of the last sweep may remain uncertain, because no other sweep follows.
         assert len(seen.whole) >= (0.3 * len(seen.answered) if foreign else SWEEPS - 1)
 
 

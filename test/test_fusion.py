@@ -1,7 +1,7 @@
 """Tests for fusing the recognitions of successive frames.
 
-Fusion becomes surer with time, has a bounded latency, allows for correlated frames, and starts again when nothing
-touches the pad.
+Fusion becomes more certain over time, has a bounded latency, allows for correlated frames, and starts again when
+nothing touches the pad.
 """
 
 import math
@@ -115,7 +115,7 @@ def test_the_reason_of_unknown_is_that_of_the_frames():
 
 
 def test_a_contact_that_has_become_too_small_ends_at_once():
-    """After a release, a residue once kept the earlier shape until as many frames had outweighed it."""
+    """After a release, a residue once kept the earlier shape until an equal number of frames outweighed that shape."""
     fusion = RecognitionFusion()
     for k in range(50):
         held = fusion.update(0.02 * k, Recognition.of({Shape.CIRCLE: 0.99, Shape.SQUARE: 0.01}))

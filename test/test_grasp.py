@@ -1,6 +1,6 @@
 """Tests for the grasp of two pads, with geometry computed by hand and with the timing of holding and withdrawal.
 
-A reader of the latest state must never take "not seen" for "empty", nor old results for current ones.
+A reader of the latest state must never mistake "not seen" for "empty", nor old results for current ones.
 """
 
 from math import pi

@@ -111,7 +111,7 @@ def test_what_is_not_held_or_not_seen_fails(held, states):
 
 @pytest.mark.parametrize('required, expected', [({}, Status.SUCCESS), ({'min_confidence': 0.5}, Status.FAILURE)])
 def test_a_shape_that_is_surely_unknown_is_not_sure(held, required, expected):
-    """With a minimum confidence, an unknown shape fails, however confident the recogniser is of "unknown"."""
+    """If a minimum confidence is required, an unknown shape fails, however confident the recogniser is of "unknown"."""
     grasp = held.message(held._tracker.state(held.now))
     grasp.shape, grasp.class_name, grasp.confidence = ContactShape.UNKNOWN, 'unknown', 0.5
     held.watch = SimpleNamespace(current=lambda: grasp)

@@ -1,6 +1,6 @@
 """Tests for the grasps that the node publishes.
 
-In these tests, shapes stop, are held back or hidden, or have stamps of other clocks.
+In these tests, shapes stop, are held back or hidden, or carry stamps from other clocks.
 """
 
 import math
@@ -30,7 +30,7 @@ BOTH = ('left', 'right')
 
 
 def hidden_shape() -> ContactShape:
-    """Return the shape of a pad without a visible contact, whose hidden taxels could hold a contact."""
+    """Return the shape of a pad on which no contact is visible, but whose hidden taxels could hide one."""
     names = ['none', 'unknown']
     return ContactShape(shape=ContactShape.UNKNOWN, class_name='unknown', unknown_reason=ContactShape.NOT_SEEN,
                         confidence=1.0, class_names=names, probabilities=[0.0, 1.0], frame_probabilities=[0.0, 1.0],

@@ -2,7 +2,7 @@
 
 No Grasp message may have a wrong or old opening. The pads are placed as in urdf/example_gripper.urdf.xacro. A square of
 6 x 6 taxels with a pitch of 2 mm presses on each pad. The middle of the left square is at column 8.5, row 7.5, and the
-right square lies three columns further. The contacts are therefore 6 mm apart across the closing direction.
+right square lies three columns further on. The contacts are therefore 6 mm apart across the closing direction.
 """
 
 import time

@@ -132,7 +132,7 @@ def test_goals_wait_beside_each_other_and_each_gets_its_answer(rules, planner):
 
 
 def test_each_of_the_goals_that_end_together_gets_its_answer(make_own):
-    """Middleware queues a limited number of service requests and replies, and silently drops any more."""
+    """The middleware queues only a limited number of service requests and replies, and silently drops the rest."""
     planner = make_own()
     handles = [planner.send(shapes=[ContactShape.SQUARE])[0] for _ in range(MOST_GOALS)]
     asked = [handle.get_result_async() for handle in handles]

@@ -38,7 +38,7 @@ def servers(bench, action):
 
 
 class Diagnostics:
-    """Keeps the latest diagnostics entry of each name."""
+    """Keeps the latest diagnostics entry for each name."""
 
     def __init__(self, bench):
         self.found: dict[str, DiagnosticStatus] = {}
@@ -117,9 +117,9 @@ def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
 
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGKILL])
 def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
-    """SIGTERM to `ros2 run` would leave the node behind, so --end-with names a process with which the node ends.
+    """SIGTERM to `ros2 run` would leave the node behind, so the node exits with the process named by --end-with.
 
-    The node also accepts ROS arguments beside --end-with.
+    The node also accepts ROS arguments alongside --end-with.
     """
     bench = make_bench(has_node=False)
     parent = subprocess.Popen(['sleep', '1000'])

@@ -1,6 +1,6 @@
-"""Tests of each fault of a gripper's server with each kind of goal, as in the table of docs/closing.md.
+"""Tests of each fault of a gripper's server with each kind of goal, as listed in docs/closing.md.
 
-Killed servers are tested in test_gripper_crash.py, because they need their own processes. With TACTILE_LONG, the tests
+test_gripper_crash.py tests killed servers, because these tests need separate processes. With TACTILE_LONG, the tests
 use all combinations. Without TACTILE_LONG, each fault and each goal is tested at least twice.
 """
 
@@ -14,7 +14,7 @@ from tactile_node.grasp.closing import Outcome, TouchLimits
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-#: Largest force above the force of a goal until a gripper that still answers has stopped [N].
+#: Largest overshoot above a goal's force before a gripper that still answers has stopped [N].
 OVERSHOOT = TouchLimits().overshoot(TouchLimits().fast_speed)
 IN_DOUBT = ('accepts and hangs', 'dies, new server', 'stopped, then woken')
 

@@ -176,7 +176,7 @@ def test_a_frame_now_and_then_that_is_not_seen_does_not_stop_it(make_bench):
 
 
 def test_a_force_that_may_be_larger_stops_it(make_bench):
-    """Each change makes a pad saturated, partly hidden, on/off, bounded away from the edge, or only partly seen."""
+    """Each change makes a pad saturated, partly hidden, on/off or not seen, or makes its force a lower bound."""
     bench = make_bench()
     for change in (set_(saturated_taxels=[1, 0]), set_(hidden_taxels=[0, 2]), set_(forces=[math.nan, 0.2]),
                    set_(force_is_bound=[True, False]), set_(pads_seen=[True, False])):
@@ -329,7 +329,7 @@ def test_a_force_within_the_overshoot_is_reached_and_the_excess_is_said(make_ben
 @pytest.mark.parametrize('change', [lambda message: message, *NOT_SEEN])
 @pytest.mark.parametrize('opening', [LIMITS.widest, LIMITS.widest + 0.005])
 def test_a_goal_to_open_to_the_widest_is_always_sent(make_bench, change, opening):
-    """The node sends the goal even if pads press or are not seen, and even if a number would be refused for closing."""
+    """The node sends the goal even if the pads are pressed or not seen, and even with numbers refused for closing."""
     bench = make_bench()
     bench.motor.slowness = 0.1  # A fast gripper suffices, because only the sent commands matter.
     several = bench.interface.goal(Command(opening, 1.0, 1.0))
@@ -456,7 +456,7 @@ def test_a_goal_between_while_it_opens_is_guarded(make_bench):
 
 
 def listen_anew(bench, left):
-    """Make the node listen for other gripper nodes for another ``left`` [s], as after a pause of its process."""
+    """Make the node listen for other gripper nodes for another ``left`` [s], as if its process had been paused."""
     bench.node._watch._listens_since = bench.steady() - LISTEN_TIME + left
 
 

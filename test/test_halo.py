@@ -18,7 +18,7 @@ BLOCK[3:9, 6:12] = True
 def carried(load, share, reach=3.0):
     """Return the load that the cover spreads to other taxels.
 
-    The spread part ``share`` falls with the cube of the distance. The code under test uses another profile.
+    The spread fraction ``share`` falls off with the cube of the distance. The code under test uses another profile.
     """
     y, x = np.mgrid[-12:13, -12:13]
     profile = (1 + (y * y + x * x) / reach ** 2) ** -1.5

@@ -116,7 +116,7 @@ def facts(message):
 
 
 def test_both_ways_give_the_same_results():
-    """One chain of nodes receives the frames by calls, and a second chain receives the same frames as messages.
+    """One chain of nodes receives the frames through function calls, and a second chain receives them as messages.
 
     Both chains must report bitwise equal shapes.
     """
@@ -331,7 +331,7 @@ def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(m
 def test_a_bag_that_records_everything_changes_no_count():
     """Every message is published for the bag.
 
-    The stages still pass results by calls, and receive none of the published messages.
+    The stages still pass results by function calls, and receive none of the published messages.
     """
     with Process() as process:
         topics = {name: kind for name, kind in frame_topics(['left', 'right']).items() if not name.endswith('taxels')}

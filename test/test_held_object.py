@@ -56,7 +56,7 @@ def of_classes(left, right):
 
 
 def test_two_faces_of_half_a_chance_are_as_likely_as_by_hand():
-    """Of five classes, both sides give circle and square a probability of 0.5 each.
+    """There are five classes, and both sides give circle and square a probability of 0.5 each.
 
     Equal faces have the weight 0.9 * (1/4 + 1/4), and two different faces have the weight 0.1 / 4 * 1/2.
     """

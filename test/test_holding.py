@@ -28,7 +28,7 @@ class Spring:
     """A held object that acts as a spring of ``stiffness`` [N/m].
 
     The gripper moves in whole steps of ``step`` [m]. The sensor noise is at most ``noise`` [N]. ``give(now)`` returns
-    by how much the object has become thinner [m].
+    the decrease in the object's thickness [m].
     """
 
     def __init__(self, stiffness=1000.0, step=HOLD.gripper_step, noise=0.0, give=lambda now: 0.0, seed=0):
@@ -105,7 +105,7 @@ def test_rubber_that_creeps_is_followed_within_the_deadband(stiffness, creep):
 
 
 def test_what_swells_is_eased_off_by_what_it_has_been_pressed_and_no_more():
-    """The object shrinks by 1 mm, returns to its size, and then grows by 3 mm."""
+    """The object shrinks by 1 mm, returns to its original size, and then grows by 3 mm."""
     spring = Spring(give=lambda now: 0.001 if now < 10 else 0.001 - 0.0005 * (now - 10))
     control = holding()
     spring.hold(9.0, control)
@@ -225,7 +225,7 @@ def test_a_gripper_that_moves_still_is_waited_for_and_what_was_seen_before_it_st
     control = holding()
     control.look(0.5, SEEN._replace(acquired=0.5), 0.04, is_still=False)
     assert control.speed == 0.0
-    # A frame that was acquired so soon after the stop, within the latency, must not be used.
+    # A frame acquired so soon after the stop that it lies within the latency must not be used.
     look(control, 0.55, SEEN._replace(acquired=0.55))
     assert control.speed == 0.0
     look(control, 0.57, SEEN._replace(acquired=0.57))
@@ -305,7 +305,7 @@ def answered_to(change):
 
 
 @pytest.mark.parametrize('ways', [
-    [(1.0, 1.1, (1.0, math.nan)), (1.1, 1.5, (1.0 - math.pi, math.nan))],  # The object moves there and back once.
+    [(1.0, 1.1, (1.0, math.nan)), (1.1, 1.5, (1.0 - math.pi, math.nan))],  # The object moves back and forth once.
     [(1.0, 1.4, (1.0, math.nan)), (1.4, 1.8, (math.nan, math.nan)), (1.8, 2.2, (1.0, math.nan))]], ids=['sway', 'two'])
 def test_a_short_slide_is_not_answered_though_its_report_outlasts_it(ways):
     assert answered_to(lambda touch, now: next(

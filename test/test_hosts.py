@@ -1,4 +1,4 @@
-"""Run driver and planner on two hosts, measure the traffic on their link, and pull the cable in between.
+"""Run driver and planner on two hosts, measure the traffic on their link, and unplug the cable between them.
 
 Run these tests with `make hosts`. The hosts find each other by address, whereas test_link.py uses a discovery server.
 With TACTILE_LONG, the tests use both ways of discovery, restart each side, and assert durations. two_hosts.py provides
@@ -74,7 +74,7 @@ def test_every_frame_arrives_as_the_shape_or_is_counted(world):
     assert {seen(shape) for shape in shapes} <= {('SQUARE', 'NOT_UNKNOWN'), ('UNKNOWN', 'NOT_SEEN')}
     if not any(seen(shape) == ('SQUARE', 'NOT_UNKNOWN') for shape in shapes):
         raise world.failure('no shape of all was seen whole')
-    # The data of both pads must cross the link, and must not take shared memory or another network.
+    # The data of both pads must cross the link, and must not pass through shared memory or another network.
     assert world.hosts.octets() - octets > 2 * TAXELS * VALUE_BYTES * (len(shapes) - 3)
     world.wait(lambda: skipped() - reported >= missing(shapes), 'what is missing to be counted')
 
@@ -84,7 +84,7 @@ def seen(record) -> tuple[str, str]:
 
 
 def held(record) -> bool:
-    """Return True if the record states that an object is held at present."""
+    """Return True if the record states that an object is currently held."""
     return current(record) and record['contact'] in ('ONE_SIDED', 'TWO_SIDED')
 
 
@@ -133,8 +133,8 @@ def test_a_pulled_cable_misleads_no_consumer(world):
 def test_a_reader_that_stops_holds_up_no_driver(world):
     """All nodes of the other host are stopped while the object is removed.
 
-    One message may be delayed after the node has marked it fresh and before it is sent. The reader of this message sees
-    from its age that it is old.
+    One message may be delayed after the node has marked it fresh and before it is sent. The age of this message tells
+    its reader that the message is old.
     """
     world.hold()
     thinking = world.bringups['thinking'].pid

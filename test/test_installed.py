@@ -1,4 +1,4 @@
-"""A wheel that is installed away from any checkout has exactly its own files, version and types."""
+"""A wheel installed outside any checkout has exactly its own files, version and types."""
 
 import json
 import os

@@ -104,7 +104,7 @@ def test_a_compact_clump_that_stays_on_after_a_release_is_left_over(clump, frame
 
 
 def test_an_object_that_is_taken_away_is_gone_within_0_3_s():
-    """A planner that takes the remaining taxels for a held object would carry on without the object."""
+    """A planner that mistakes the remaining taxels for a held object would carry on without the object."""
     stream, clump = ContactStream(unit=None), box(6, 6, 4, 4)
     masks = [box(3, 3, 10, 10)] * 50 + [box(4, 4, 8, 8), box(5, 5, 6, 6)] + [clump] * 60 + [clump & False] * 3
     found = [stream.update(mask, 0.02 * number) for number, mask in enumerate(masks)]

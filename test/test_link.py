@@ -1,4 +1,4 @@
-"""Run the chain on two hosts that are joined by a bad link.
+"""Run the chain on two hosts joined by a poor link.
 
 No consumer believes a false state, and every loss is reported.
 
@@ -21,9 +21,9 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus]
 LONG = bool(os.environ.get('TACTILE_LONG'))
 FRAME_PERIOD = 0.08  # Time between two frames [s], long enough for a busy machine.
 LOOK_SECONDS = 3.0
-#: A small part of the rate that the taxels need, even if a busy machine sends every frame late.
+#: Data rate of the link, well below the rate that the taxels need even if a busy machine sends every frame late.
 LINK_RATE = '50kbit'
-#: Number of bytes in waiting packets that Linux allows per socket, about twice the payload because of kernel headers.
+#: Number of bytes that Linux allows for the waiting packets of a socket. Kernel headers are about half of these bytes.
 SOCKET_ROOM = int(Path('/proc/sys/net/core/wmem_default').read_text(encoding='ascii'))
 DDS_PROFILE = Path(__file__).resolve().parents[1] / 'examples' / 'fastdds_link.xml'
 #: With LOCALHOST, rmw_fastrtps uses another transport, whatever the profile says.
@@ -79,7 +79,7 @@ def waiting_bytes(world) -> int:
 
 
 def test_a_link_that_carries_less_than_is_sent(world):
-    """A full socket must not delay the driver. Without the DDS profile, a full socket delays the driver."""
+    """A full socket buffer must not delay the driver. Without the DDS profile, the driver is delayed."""
     shaped = 'tc', 'qdisc', 'replace', 'dev', 'tun0', 'root'
     try:
         world.hosts.first.run(*shaped, 'tbf', 'rate', LINK_RATE, 'burst', '10kb', 'latency', '20s')

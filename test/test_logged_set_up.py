@@ -46,7 +46,7 @@ RIGHT = (*mapped(1, 0x20000110), *mapped(2, 0x20000210), *mapped(3, 0x20000310),
 
 
 def outcome(tmp_path, *lines, **options):
-    """Return the number of missing CAN frames in each taxel frame, and the error message of the player."""
+    """Return the number of missing CAN frames in each taxel frame, and the player's error message."""
     frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path), **options)
     if source.failure is None:
         return [frame.missing_can_frames for _, frame in frames], ''
@@ -79,7 +79,7 @@ def test_a_set_up_that_fits_or_is_not_known_is_played(tmp_path, set_up):
     (mapped(2, 0x20000208, 0x20000308), '0x1A01'),  # The TPDO maps two objects.
     (mapped(2, 0x20000310, by=download), '0x1A01'),
     (upload(0x1A01, 0, 0xFE), '0x1A01'),  # The mapping describes an MPDO.
-    ((*upload(0x1800, 1, 0x281), *upload(0x1801, 1, 0x181)), '0x1800'),  # The COB-IDs are exchanged.
+    ((*upload(0x1800, 1, 0x281), *upload(0x1801, 1, 0x181)), '0x1800'),  # The COB-IDs are swapped.
     (download(0x1808, 1, 0x281), '0x1808')])  # TPDO 9 also uses this COB-ID.
 @pytest.mark.parametrize('before', [(), SWEEP], ids=['at first', 'amid'])
 def test_another_mapping_or_cob_id_is_never_played_as_the_layout_s(tmp_path, set_up, place, before):

@@ -71,7 +71,7 @@ def test_ring_session_shows_the_ring():
     row, col = np.nonzero(held)
     centre, radius = (row.mean(), col.mean()), np.hypot(row - row.mean(), col - col.mean())
     assert held.sum() > 50 and set(np.unique(values)) == {0.0, 1.0}
-    # A pressed ring leaves the centre of the contact free.
+    # A pressed ring does not touch the centre of the contact.
     assert held[round(centre[0]), round(centre[1])] == 0 and np.median(radius) > 4
     assert values[0].sum() == 0 and values[-1].sum() < 30
     assert (np.diff(stamps) > 0).all() and abs(stamps[-1] - stamps[0] - (24.755 - 4.313)) < 1e-5
@@ -425,7 +425,7 @@ def test_a_recording_that_cannot_begin_leaves_no_empty_file(tmp_path, monkeypatc
 
 @pytest.mark.parametrize('suffix', ['.log', '.mcap', '.log.gz'])
 def test_recordings_that_begin_together_have_a_file_each(tmp_path, suffix):
-    """In an earlier version, two recordings could find the same file name free and write into one file."""
+    """In an earlier version, two recordings could both find the same file name free and write to the same file."""
     begin, writers = threading.Barrier(8), []
 
     def record():

@@ -1,10 +1,10 @@
 """Long recordings: several files are read as one recording, starting at any time.
 
-A damaged chunk costs only the frames in it.
+If a chunk is damaged, only its own frames are lost.
 
 A damaged file must not give a reader a wrong value. After damage, the reader must not report the rest of the hour as
-lost, nor take the gap for a skin at rest. One file of ten must not be read as the whole recording, nor two recordings
-as one.
+lost, nor mistake the gap for a skin at rest. One file of ten must not be read as the whole recording, nor two
+recordings as one.
 """
 
 import os
@@ -79,7 +79,7 @@ def with_bytes(data, at, new):
     return data[:at] + new + data[at + len(new):]
 
 
-#: Kinds of damage to a file with ten chunks, and the numbers of the chunks that each kind may cost.
+#: Kinds of damage to a file with ten chunks, and the numbers of the chunks that each kind may destroy.
 DAMAGES = {
     'a bit of the content': (lambda data, at: flipped(data, 4), {4}),
     'bits in two places': (lambda data, at: flipped(flipped(data, 4), 7), {4, 7}),
@@ -165,7 +165,7 @@ def test_of_a_recording_without_its_end_the_chunks_before_are_read(tmp_path, sha
 
 @pytest.mark.parametrize('name', [name for name in DAMAGES if not name.startswith(('the last', 'the magic', 'the su'))])
 def test_damage_to_a_killed_recording_costs_its_chunk_alone(tmp_path, name):
-    """A recording that was killed has no index of the starts of its chunks."""
+    """A recording whose recorder was killed has no index of its chunks."""
     path = can_log(tmp_path / 'x.mcap')
     data, (damage, lost) = path.read_bytes(), DAMAGES[name]
     path.write_bytes(damage(data, chunks(data))[:chunks(data)[-1].end])
@@ -262,7 +262,7 @@ def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
 def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path, capsys):
     """The log contains 3 s of a pad that sends a SYNC and 32 TPDOs 100 times a second.
 
-    The chunk with one tenth of a second is damaged.
+    One chunk, which holds 0.1 s of data, is damaged.
     """
     path = tmp_path / 'x.mcap'
     path.touch()
@@ -315,7 +315,7 @@ def test_bytes_beside_the_chunks_may_be_anything(tmp_path):
 def test_no_taxel_frame_is_made_of_what_was_before_a_gap_and_what_came_after(tmp_path, is_missing):
     """Chunks and files end in the middle of sweeps.
 
-    Sweep k has the value k in all taxels, so that a mixture of sweeps is recognised.
+    Sweep k has the value k in all taxels, so that the test can detect a mixture of sweeps.
     """
     layout, names = load_layout('sim16x16.yaml'), [tmp_path / 'x.mcap', *(tmp_path / f'x_part{n}.mcap' for n in (2, 3))]
     messages = []

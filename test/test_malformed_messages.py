@@ -1,6 +1,6 @@
 """A message with any content must not stop a node.
 
-A node drops a malformed message, counts it by its reason, and processes the next good message.
+A node drops a malformed message, counts it by reason, and processes the next good message.
 """
 
 import copy
@@ -127,7 +127,7 @@ def good_grasp(sequence=0) -> Grasp:
 
 
 def labels(*numbers):
-    """Return labels for the first taxels, and no label for the other taxels."""
+    """Return an array with the given labels for the first taxels, and no label for the others."""
     return array('B', [*numbers, *[0] * (256 - len(numbers))])
 
 
@@ -581,7 +581,7 @@ def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
 
 
 def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch):
-    """The middleware matches both versions by the name of the type.
+    """The middleware matches the two versions by the name of the type.
 
     Only the hash of the type description differs (REP 2011).
     """
@@ -649,7 +649,7 @@ def test_health_continues_with_simulated_time_and_no_clock(chain):
 
 
 def status_of(**now):
-    """Return the status one second after a stream had 4 messages, where ``now`` replaces fields of its state."""
+    """Return the status one second after a stream received 4 messages, where ``now`` replaces fields of its state."""
     before = MessageCounts(received=4, processed=4, dropped={})
     fields = {'counts': MessageCounts(received=54, processed=54, dropped={}), 'age': 0.02, 'publishers': ('/driver',)}
     return health_status('/gripper/grasp', {'/left/shape': StreamHealth(**fields | now)}, {'/left/shape': before}, 1.0)

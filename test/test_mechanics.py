@@ -1,6 +1,6 @@
 """Check the physical generator against closed-form solutions and exact symmetries.
 
-The solutions are by Boussinesq, Love, Hertz and Sneddon, and for a flat punch.
+The solutions are those of Boussinesq, Love, Hertz and Sneddon, and the solution for a flat punch.
 
 All tests use the contact modulus E* = 1. The tolerances are the discretisation errors of the grids, which are a few per
 cent.

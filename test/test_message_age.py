@@ -21,7 +21,7 @@ STAMP = 1_700_000_000.0
 
 
 class Stage:
-    """A stage that needs ``own`` [s] per message, and whose steady clock is ``offset`` [s] ahead of the true time."""
+    """A stage that takes ``own`` [s] per message, and whose steady clock is ``offset`` [s] ahead of the true time."""
 
     def __init__(self, offset, own=0.005, lossless=False):
         self.now = 0.0

@@ -2,9 +2,9 @@
 
 `make misled` prints what this consumer sees, and for how long.
 
-This module tests the cases that need the whole chain. Other tests cover the parts of the other short cases:
-test_planner_client.py a frozen skin, test_stages.py hidden rows and saturation, and test_driver_recovery.py the tare of
-a grasp.
+This module tests the cases that need the whole chain. Other tests cover the remaining short cases:
+test_planner_client.py covers a frozen skin, test_stages.py covers hidden rows and saturation, and
+test_driver_recovery.py covers a tare during a grasp.
 """
 
 import pytest
@@ -26,7 +26,7 @@ def test_a_default_constructed_message_claims_nothing(message, facts):
 
 
 def check(findings):
-    """Check that no forbidden claim is made, and that each temporary claim ends.
+    """Check that no forbidden claim is made, and that each temporarily allowed claim ends.
 
     `make misled` measures the duration of these claims.
     """

@@ -43,7 +43,7 @@ def test_what_an_event_was_seen_by_has_its_code():
 
 
 class Held:
-    """A grasp whose left contact moves as the test demands, while the right contact does not move."""
+    """A grasp whose left contact moves as the test directs, while the right contact stays still."""
 
     def __init__(self):
         self.now, self._tracker = 100.0, GraspTracker()
@@ -113,7 +113,7 @@ class Peer:
 def test_the_example_lifts_more_slowly_after_an_event():
     held = Held()
     limit = lift_slower.LiftSpeed(Peer(), ('left', 'right'), steady=lambda: held.now)
-    assert limit.speed() == 0.0  # No grasp has been received so far.
+    assert limit.speed() == 0.0  # No grasp has been received yet.
     for _ in range(60):
         message = held.grasp(PERIOD)
         message.age = age_message(AGE)

@@ -1,4 +1,4 @@
-"""Names, topics and parameters of the nodes of a bus are described in one place."""
+"""The names, topics and parameters of a bus's nodes are defined in one place."""
 
 import subprocess
 import sys

@@ -112,7 +112,7 @@ def test_best_effort_is_of_what_a_node_receives_and_never_of_a_lossless_replay(
 
 @pytest.mark.parametrize('name', ['skin_driver', 'grasp'])
 def test_a_node_whose_constructor_has_failed_can_be_destroyed(name, monkeypatch):
-    """Since Kilted, the context destroys a node whose constructor has failed when the context shuts down.
+    """Since Kilted, a context that shuts down also destroys any node whose constructor has failed.
 
     Our destroy_node method uses objects that only a complete constructor creates.
     """

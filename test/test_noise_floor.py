@@ -1,4 +1,4 @@
-"""How the noise floor of a pad is learnt, also while an object rests on the pad."""
+"""Learning the noise floor of a pad, even while an object rests on the pad."""
 
 import os
 from itertools import product
@@ -103,7 +103,7 @@ def test_a_contact_between_noise_and_fixed_thresholds_is_not_learned(unit):
 def test_the_noise_of_each_taxel_is_found(unit):
     """Each taxel of an idle pad has 0.7 to 1.5 times the average noise.
 
-    For nine taxels in ten, the estimate must lie within a fifth of the true noise.
+    For nine taxels in ten, the estimate must lie within 20 % of the true noise.
     """
     rng = np.random.default_rng(3)
     drawn = rng.uniform(0.7, 1.5, SHAPE)

@@ -1,4 +1,4 @@
-"""The opening of a gripper from joint states or frames: makers' grippers, signs, units, and trees of frames."""
+"""The opening of a gripper from joint states or frames: commercial grippers, signs, units, and frame trees."""
 
 from math import atan2, cos, inf, isnan, nan, pi, sin, sqrt
 
@@ -89,7 +89,7 @@ def gripper(left=0.02, right=0.02, measured=100.0):
 def test_a_quaternion_rotates_as_in_rep_103():
     assert rotation_matrix(*QUARTER) @ (1, 0, 0) == pytest.approx([0, 1, 0])
     assert rotation_matrix(1, 0, 0, 0) @ (0, 1, 2) == pytest.approx([0, -1, -2])
-    # A quarter turn about y, given by a quaternion of length 2.8.
+    # A quarter turn about y, as a quaternion of length 2.8.
     assert rotation_matrix(0, 2, 0, 2) @ (0, 0, 1) == pytest.approx([1, 0, 0])
 
 

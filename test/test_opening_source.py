@@ -101,7 +101,7 @@ def test_joint_states_of_an_arm_on_the_same_topic_are_neither_an_opening_nor_a_f
     gripper.send(['knuckle'], [0.5])
     gripper.send(*ARM)
     assert gripper.current().gap == pytest.approx(0.035) and not gripper.counts.dropped
-    for _ in range(round(2 * LIMIT / PERIOD)):  # Joint states of the arm do not renew the age of the gripper's opening.
+    for _ in range(round(2 * LIMIT / PERIOD)):  # The arm's joint states do not renew the age of the opening.
         gripper.step()
         gripper.send(*ARM)
     assert isnan(gripper.current().gap)
@@ -161,7 +161,7 @@ def test_the_diagnostic_has_the_reason(opening, words):
 def test_two_controllers_that_disagree_about_the_time_are_no_opening(gripper):
     """The joint states of the two controllers alternate.
 
-    The joint states of neither controller give the present opening.
+    The stamps of the two controllers disagree, so their joint states give no present opening.
     """
     gripper.make(**KNUCKLE)
     first, second = Sender(gripper, 1.7e9), Sender(gripper, 1.7e9 - 5.0)
@@ -226,7 +226,7 @@ def test_joint_states_that_were_held_back_are_no_opening(gripper):
 
 
 def test_what_was_held_back_before_the_node_started_is_no_opening(gripper):
-    """The first messages may all be late by the same delay.
+    """The first messages may all be late by the same amount.
 
     The age of a joint state is unknown until the node has found the smallest delay of all messages.
     """

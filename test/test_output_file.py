@@ -1,4 +1,4 @@
-"""A command leaves an output file either complete or unchanged, and never writes to its input file."""
+"""A command either writes a complete output file or leaves the file unchanged, and never writes to its input file."""
 
 import os
 import stat

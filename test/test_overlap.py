@@ -14,7 +14,7 @@ SIDE = 400
 
 
 def inside(function, reach=2.0):
-    """Return a mask that is True at the points of a fine grid where ``function`` is true."""
+    """Return a mask over a fine grid, which is True where ``function`` is true."""
     place = (np.arange(SIDE) + 0.5) / SIDE * 2 * reach - reach
     return function(*np.meshgrid(place, place))
 

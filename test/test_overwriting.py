@@ -1,6 +1,6 @@
 """No command replaces an existing file without the option --force.
 
-A command refuses to overwrite a file before it starts its work.
+Before a command starts its work, it refuses to overwrite an existing file.
 """
 
 import argparse
@@ -14,8 +14,8 @@ from tactile_node.cli.main import COMMANDS, _parser, main
 
 LOG = str(DATA / 'sim16x16_two_pads.log.gz')
 RECORD = ['record', '--interface', 'virtual', '--duration', '0.1', 'x.log']
-#: Commands that write one file, whose name is their last argument. All inputs or the bus are missing, so a command must
-#: refuse to overwrite before it reads them.
+#: Commands that write one file, whose name is their last argument. The inputs and the bus do not exist, so each command
+#: must refuse to overwrite the file before it looks for them.
 WRITES = [
     ['features', 'none.npy', '-o', 'x.json'], ['classify', 'none.npy', '-o', 'x.json'],
     ['calibrate', 'none.npy', '--radius', '0.01', '--pitch', '0.002', '-o', 'x.yaml'],
@@ -23,7 +23,7 @@ WRITES = [
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'new.npz', '--picture', 'x.png'],
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
     ['replay', 'none.log', '-o', 'x.npz'], ['report', 'none.log', '-o', 'x.html']]
-# Commands whose --report or --record appends to a file or numbers its files.
+# Commands whose option --report or --record appends to a file or numbers its files.
 APPENDS_OR_NUMBERS = {'simulate', 'bringup'}
 
 

@@ -1,4 +1,4 @@
-"""Versions that are stated in two places, of the package and of its dependencies, must agree."""
+"""If two places state the version of the package or of a dependency, both must state the same version."""
 
 import os
 import re

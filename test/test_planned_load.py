@@ -2,8 +2,8 @@
 
 The bit counts in this module follow ISO 11898-1. In a standard data frame of n bytes, 34 + 8 n bits are subject to bit
 stuffing: start bit, identifier, RTR, IDE, r0, DLC, data and CRC. At most one stuff bit follows the first five bits, and
-at most one follows each further four bits. Another 13 bits are not subject to bit stuffing. For n = 8, a frame has 98 +
-24 + 13 bits.
+at most one follows every four bits after them. Another 13 bits are not subject to bit stuffing. For n = 8, a frame has
+98 + 24 + 13 bits.
 """
 
 import logging

@@ -73,7 +73,7 @@ def test_an_off_centre_object_shifts_the_gripper_after_it():
 @pytest.mark.parametrize(('axis', 'expected'), [
     ((sin(0.2), 0.0, cos(0.2)), (0.0, 0.2, 0.0)), ((0.0, sin(0.2), cos(0.2)), (-0.2, 0.0, 0.0))])
 def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
-    """The expected values are worked out by hand: a rotation about y turns z into x, and about x turns z into -y."""
+    """The values are worked out by hand: rotating about y turns z into x, and rotating about x turns z into -y."""
     correction = choose(confidence=0.3, offset=0.006, misalignment=0.2, axis=axis)
     assert correction.action == 'tilt' and correction.tilt == pytest.approx(expected)
 
@@ -83,7 +83,7 @@ DIAGONAL = {'offset': 0.008, 'misalignment': 0.15, 'axis': (-sin(0.15), 0.0, cos
 
 def test_a_gripper_is_laid_on_faces_that_lean_whatever_their_line():
     lean = {'lean': (0.02 * client.STIFFNESS, 0.1 * client.STIFFNESS)}
-    # The line between the contacts is straight, misaligned, or without a known opening.
+    # The line between the contacts is straight, is misaligned, or is only partly known.
     for line in ({}, DIAGONAL, {'offset': 0.004}):
         correction = choose(**line | lean)
         assert correction.action == 'tilt' and correction.tilt == pytest.approx((0.02, 0.1, 0.0))
@@ -145,7 +145,7 @@ def test_a_decision_ends_with_the_age_of_its_grasp_or_when_grasps_stop():
     assert planner.decide(7.0).action == 'hold'
 
 
-# In these tests, running nodes hold an object, and one part of the system fails.
+# In these tests, one part of the running system fails while the gripper holds an object.
 
 FROZEN_AFTER = 0.4  # Time after which a skin without new values counts as frozen [s].
 BUSY_PERIOD = 0.05  # Time between two frames [s], long enough for a busy machine.

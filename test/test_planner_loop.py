@@ -43,7 +43,7 @@ def test_nothing_is_decided_on_what_was_acquired_before_the_gripper_closed():
     assert SETTLE > planner_client.MAX_AGE
     for action in ('lift', *MOVES):
         assert loop().next(Correction(action), SETTLE - 0.01).kind == 'wait'
-    assert GraspLoop().next(Correction('lift'), 1e9).kind == 'wait'  # The gripper has not closed so far.
+    assert GraspLoop().next(Correction('lift'), 1e9).kind == 'wait'  # The gripper has not closed yet.
 
 
 @pytest.mark.parametrize(('action', 'kind'), [('lift', 'done'), *((each, 'move') for each in MOVES), ('hold', 'wait'),

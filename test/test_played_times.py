@@ -1,4 +1,4 @@
-"""The age of a replayed frame counts from its playback, at any stamp and any playback speed."""
+"""The age of a replayed frame counts from its playback, whatever its stamp and the playback speed."""
 
 import pytest
 

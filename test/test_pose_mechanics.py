@@ -1,4 +1,4 @@
-"""The fitted dimensions of contacts that were computed by contact mechanics are accurate enough to set a gripper.
+"""The dimensions fitted to mechanically simulated contacts are accurate enough to set a gripper.
 
 The true values are the area and the centre of the solver's contact set, counted on the solver's grid.
 """
@@ -70,7 +70,7 @@ def test_a_punch_is_as_large_as_its_contact(shape):
 @pytest.mark.parametrize('dome', [ball(0.03), ball(0.08), cylinder(0.03, 1.8, 0.3), cylinder(0.05, 2.4, 0.2)],
                          ids=['ball', 'ball pressed harder', 'cylinder', 'longer cylinder'])
 def test_a_dome_is_as_large_as_its_contact(dome):
-    """If both were fitted as flat punches, a ball would be 10 % too small, and a lying cylinder 17 % too small."""
+    """Fitted as flat punches, a ball would come out 10 % too small, and a lying cylinder 17 % too small."""
     sizes, centres, inside = pressed_area(dome, (0.0, 0.0))
     assert abs(np.median(sizes)) < MOST
     assert np.median(centres) < 0.15
@@ -82,7 +82,7 @@ def test_a_dome_is_as_large_as_its_contact(dome):
 def test_a_cone_is_as_large_as_its_contact(tip):
     """In an earlier version, the fit treated the tip of the cone as an outlier without weight.
 
-    The earlier fit took the rest of the cone for a flat punch, 24 % too small and with a small standard deviation.
+    The earlier fit mistook the rest of the cone for a flat punch, 24 % too small and with a small standard deviation.
     """
     sizes, centres, inside = pressed_area(cone(0.05, tip), (0.0, 0.0))
     assert abs(np.median(sizes)) < MOST_OF_CONE and np.abs(sizes).max() < 3 * MOST_OF_CONE

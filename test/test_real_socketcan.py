@@ -163,7 +163,7 @@ def test_network_down_and_up_again(controllers):
 
 
 def test_bus_off_reported_by_the_stack():
-    """The kernel driver of a controller reports bus-off by an error frame with CAN_ERR_BUSOFF.
+    """A controller's kernel driver reports bus-off with an error frame that has the flag CAN_ERR_BUSOFF.
 
     After bus-off, our driver opens the bus again and publishes taxels.
     """

@@ -1,4 +1,4 @@
-"""Tests of batches: how the driver reads a bus, when the CAN frames arrived, and which SYNCs are omitted."""
+"""Tests of batched reading: how the driver reads a bus, when the CAN frames arrived, and which SYNCs it omits."""
 
 import os
 import threading
@@ -123,7 +123,7 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
 class Clocked:
     """A Traffic object whose steady clock is set by the test.
 
-    For each CAN frame, the object records for how long the bus before the frame was not provably free.
+    For each CAN frame, the object records how long before the frame the bus was not provably free.
     """
 
     def __init__(self, monkeypatch, queue_limit=99):

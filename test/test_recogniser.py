@@ -39,7 +39,7 @@ def pattern_of(frame, press=0.3):
 
 
 def naive(network, image, geometry):
-    """Compute the network by its definition, with loops over positions and kernel taps."""
+    """Compute the network from its definition, with loops over positions and kernel taps."""
     flow = image
     for kernel, bias, taps in zip(network.kernels[:2], network.biases[:2], (4, 3)):
         padded = np.pad(flow, ((1, 1), (1, 1), (0, 0)))
@@ -120,7 +120,7 @@ def test_a_recognition_reports_whether_it_is_of_joined_pieces(recogniser):
 @pytest.mark.slow
 @pytest.mark.parametrize('shape', CLASSES)
 def test_large_clean_contacts_are_recognised(recogniser, shape):
-    """In on/off and in pressure frames, contacts of 100 taxels are large enough that hardly any is mistaken."""
+    """In on/off and in pressure frames, contacts of 100 taxels are large enough that hardly any is misclassified."""
     rng = generator(Purpose.TEST, 40)
     for conditions in (NOMINAL_ON_OFF, NOMINAL_PRESSURE):
         found = []
@@ -163,7 +163,7 @@ def test_files_that_are_no_weights_are_refused(tmp_path, content):
         np.savez(path, a=np.zeros(3))
     elif content == 'cut':
         path.write_bytes(weights.read_bytes()[:5000])
-    # LZMA raises errors that differ from those of zipfile and zlib.
+    # LZMA raises different errors from those of zipfile and zlib.
     elif content == 'other compression':
         with ZipFile(path, 'w', ZIP_LZMA) as archive:
             archive.writestr('on_off_kernel0.npy', bytes(range(256)))

@@ -1,6 +1,6 @@
 """When a recording rotates, no CAN frame is lost between two files.
 
-On a full disk, the recording counts exactly the lost CAN frames.
+On a full disk, the recording counts the lost CAN frames exactly.
 """
 
 import os
@@ -88,9 +88,9 @@ print(writer.can_frames, writer.unwritten, bool(writer.failure), writer.parts)
 @pytest.mark.slow
 @pytest.mark.parametrize(('suffix', 'largest'), [*((suffix, 0) for suffix in SUFFIXES), ('.log', 5_000)])
 def test_a_full_disk_costs_exactly_what_is_counted(tmp_path, suffix, largest):
-    """A limit on the size of a file simulates the full disk.
+    """A file size limit simulates the full disk.
 
-    If files rotate from 5,000 bytes on, they never reach the limit.
+    Files that rotate at 5,000 bytes never reach the limit.
     """
     path, room = tmp_path / f'x{suffix}', 12_000 if suffix == '.log.gz' else 40_000
     # With -B, Python writes no bytecode, because the size limit would truncate the bytecode cache of other programs.

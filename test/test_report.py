@@ -84,7 +84,7 @@ def test_devices_and_bus_of_a_session(whole):
     assert [change.state for change in node.nmt] == [0x00, 0x05] and node.heartbeats == 48
     assert [command.command for command in whole.bus.commands] == [0x80, 0x80, 0x01, 0x01, 0x80, 0x80]
     # The bus carries 25 sweeps a second, each with a SYNC of at most 55 bits and 64 TPDOs of 135 bits. Each node adds
-    # ten heartbeats a second, which have one byte and 65 bits.
+    # ten heartbeats a second, each with one byte and 65 bits.
     assert whole.bus.load.bit_rates[3] == 25 * (55 + 64 * 135) + 20 * 65
     assert whole.bus.load.shares[3] == pytest.approx(0.218675)
     assert [round(gap.seconds, 2) for gap in whole.bus.gaps] == [1.75]
@@ -131,7 +131,7 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
 
 @pytest.mark.slow
 def test_of_another_device_no_taxel_is_given(tmp_path):
-    """The log contains the product code 0x16160009 instead of the product code in the EDS beside the layout."""
+    """The log contains the product code 0x16160009, which differs from the product code in the layout's EDS."""
     lines = [line.replace('5A0#4318100208001616', '5A0#4318100209001616') for line in session()]
     path = logged(tmp_path / 'x.log', lines)
     report = report_of(path)
@@ -146,7 +146,7 @@ def test_of_another_device_no_taxel_is_given(tmp_path):
 
 
 def test_an_identity_that_changes_is_two_devices():
-    """In the log, the device gives two different revisions.
+    """In the log, the device reports two different revisions.
 
     Responses of another node must not be counted.
     """

@@ -1,6 +1,6 @@
-"""The page of a report is self-contained and runs no script.
+"""A report page is self-contained and runs no script.
 
-The page names the facts that the recording does not contain. Pages of bags are tested, too.
+The page names the facts that the recording does not contain. Pages made from bags are tested, too.
 """
 
 import sys

@@ -51,7 +51,7 @@ def test_the_p_value_behaves_as_one():
     """Exactly at the limit, the p value lies below p in a fraction p of the experiments."""
     rng, below = random_stream(9), 0
     for _ in range(2000):
-        # With these probabilities of won, lost and equal, this side is behind by 0.015.
+        # With these probabilities of a win, a loss and a draw, this side is behind by 0.015.
         kind = rng.choice(3, 2000, p=(0.02, 0.035, 0.945))
         below += p_value_behind(kind != 1, kind != 0, 0.015) < 0.05
     assert below / 2000 == pytest.approx(0.05, abs=0.015)

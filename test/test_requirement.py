@@ -1,4 +1,4 @@
-"""The unmet conditions of a grasp, derived from given facts. A fact that is unknown at present meets no requirement."""
+"""The unmet conditions of a grasp, derived from given facts. A fact that is currently unknown meets no requirement."""
 
 import re
 from math import inf, nan

@@ -391,7 +391,7 @@ def test_a_dead_taxel_beside_a_contact_does_not_hide_its_creep():
     result = side_result(message, 5.0)
     assert not message.size_is_bound and message.hidden_ring_taxels == 1
     assert not result.hides_creep and not result.is_bound
-    # The standard deviation already includes the force that one dead taxel may add, so the result is no bound.
+    # The standard deviation already includes the force that one dead taxel may add, so the result is not a bound.
     assert not side_result(shape(values, Shape.UNKNOWN), 5.0).is_bound
 
 

@@ -46,7 +46,7 @@ class Rosout(RosBench):
         self.node.create_subscription(Log, '/rosout', self.heard.append, 100)
 
     def wait_for_driver(self):
-        """Write log records until one arrives, because discovery has then found the driver's publisher."""
+        """Write log records until one arrives, which proves that discovery has found the driver's publisher."""
         def is_found():
             CAN_SIDE.info('hello')
             self.executor.spin_once(timeout_sec=0.05)

@@ -1,4 +1,4 @@
-"""The simulated gripper in simulated physics.
+"""The simulated gripper and its physics.
 
 The tests compare pressures with known solutions, and grasps with the limits of friction. Further tests use the gripper
 as a separate process, as other programs do.

@@ -324,7 +324,7 @@ def test_client_that_does_not_read_costs_frames_not_memory():
         before = adapter.lost
         adapter.send_all([Frame(0x1A0, bytes(8))] * 500)
         assert adapter.lost - before == 500
-        os.write(port, b'C\rO\rt0010\r')  # The next client finds no bytes left from the earlier client.
+        os.write(port, b'C\rO\rt0010\r')  # The next client finds no bytes left over from the previous client.
         assert adapter.recv(60)
         adapter.send(can.Message(arbitration_id=0x123, is_extended_id=False))
         assert read_until(port, rb'.*t1230\r') == b'\r\rz\rt1230\r'

@@ -36,8 +36,8 @@ def delay_answers(device, seconds):
 
 @pytest.mark.parametrize('delay', [0.05, 0.12, 0.2])
 def test_a_device_that_answers_after_the_timeout_is_configured(delay):
-    """An earlier version took a late response for the response to the next request, and refused the device."""
-    retries = 12  # The 12 retries take 1 s in all, because a busy machine adds to the delay.
+    """An earlier version mistook a late response for the response to the next request, and refused the device."""
+    retries = 12  # 12 retries cover 1 s in total, because a busy machine adds to the delay.
     with Bench(f'late {delay}', layout='rows12x5_10bit.yaml', sdo_timeout=0.08, sdo_retries=retries) as bench:
         bench.driver.open()
         delay_answers(bench.simulator.devices[32], delay)
@@ -129,7 +129,7 @@ def test_the_answer_about_our_object_is_taken(others):
 def test_a_device_that_was_held_up_answers_requests_of_clients_before():
     """The device sends three responses to three requests.
 
-    In an earlier version, the driver took three responses for the responses of two devices.
+    In an earlier version, the driver mistook three responses for those of two devices.
     """
     answer, owed = '43181001C1050000', Counter()
     for _ in range(2):

@@ -1,4 +1,4 @@
-"""The guards of a stream decide which publisher's messages are accepted, and which stamps are accepted."""
+"""The guards of a stream decide which publisher and which stamps are accepted."""
 
 import random
 from itertools import chain

@@ -1,4 +1,4 @@
-"""The processor and the classifier with real topics.
+"""The processor and the classifier on real topics.
 
 The tests show what a subscriber receives from pads that are hidden, saturated or touched twice.
 """

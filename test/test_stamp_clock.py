@@ -113,7 +113,7 @@ def test_adapter_that_counts_again_is_mapped_again(hands):
 @pytest.mark.parametrize('step', [0.0, 0.05, 3600.0, -3600.0, 1.0])
 @pytest.mark.parametrize('before', [0.0, -60.0, 60.0])
 def test_ages_are_of_the_steady_clock_however_the_wall_clock_is_set(hands, before, step):
-    """If ages followed the wall clock, a consumer would take old taxels for current ones, or current ones for old."""
+    """If ages followed the wall clock, a consumer would mistake old taxels for current ones, or the reverse."""
     clock = hands.clock()
     clock.now()
     hands.wall += before

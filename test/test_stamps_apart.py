@@ -1,4 +1,4 @@
-"""A node that receives stamps of another clock reports their offset from the clock of its own host."""
+"""A node that receives stamps from another clock reports their offset from the clock of its own host."""
 
 import math
 import time
@@ -85,7 +85,7 @@ def test_a_limit_of_the_user_silences_the_warning(reported):
 
 
 def status_of(left, right=0.0, received=54):
-    """Return the status of a grasp node one second after each topic had 4 messages.
+    """Return the status of a grasp node one second after it received 4 messages on each topic.
 
     ``left`` and ``right`` are the times by which the stamps are ahead of the node's clock [s].
     """

@@ -168,7 +168,7 @@ def test_taxels_of_low_gain_leave_a_contact_whole(weak):
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
 @pytest.mark.parametrize('rows', [1, 2])
 def test_a_weak_line_tears_no_bar(rows, turn):
-    """A bar crosses a pad of six columns. One or two rows of the bar read a third of the other rows."""
+    """A bar crosses a pad of six columns. One or two rows of the bar read a third of what the other rows read."""
     bar = np.zeros((14, 6))
     bar[3:9] = 100.0
     bar[5:5 + rows] /= 3
@@ -203,7 +203,7 @@ def test_a_hollow_contact_stays_hollow(inner):
 
 
 def test_noise_alone_seldom_makes_a_group():
-    """Of 400 separate arrays of 16x16 taxels with noise alone, fewer than 1 % may have a group of 4 or more taxels."""
+    """Fewer than 1 % of 400 separate arrays of 16x16 taxels of pure noise may have a group of 4 or more taxels."""
     rng = np.random.default_rng(9)
     patterns = [PatternExtractor().extract(rng.standard_normal((SIDE, SIDE)) + 7) for _ in range(400)]
     assert sum(pattern.mask.sum() >= 4 for pattern in patterns) < 4

@@ -1,4 +1,4 @@
-"""A resting contact must be told from a creeping one, despite noise, steps and the errors of real fits.
+"""A resting contact must be distinguished from a creeping one, despite noise, steps and the errors of real fits.
 
 `make misled` runs all combinations. `make test` uses one rate, one direction, and two shapes at rest. In `make test`,
 each pair of values of pitch, noise, step and speed occurs, but not every combination of all four.
@@ -39,8 +39,7 @@ STEPS = (0.0, 0.1)        # pitches
 def cases(*speeds):
     """Return a mark that runs a test with values of pitch, noise, step and speed.
 
-    With TACTILE_LONG, all combinations are used. Without TACTILE_LONG, half of the combinations are used, which contain
-    each pair of values.
+    All combinations are used with TACTILE_LONG, and otherwise the half that contains each pair of values.
     """
     every = product(*map(enumerate, (PITCHES, NOISES, STEPS, speeds)))
     return pytest.mark.parametrize(('pitch', 'noise', 'step', 'speed'), [
@@ -77,7 +76,7 @@ def test_a_steady_creep_never_rests(rate, pitch, noise, step, speed):
 @pytest.mark.parametrize('rate', RATES)
 @cases(0.0, REST)
 def test_what_rests_is_seen_to_and_stays_so_for_a_minute(rate, pitch, noise, step, speed):
-    """A resting contact must be found to rest within 1 s plus 0.7 s per mm of pitch.
+    """A resting contact must be recognised as resting within 1 s plus 0.7 s per mm of pitch.
 
     The tracker needs this time to distinguish rest from creep.
     """

@@ -1,4 +1,4 @@
-"""The stamp of the driver's own SYNC must stay right if the process or the write is delayed.
+"""The stamp of the driver's own SYNC must stay correct if the process or the write is delayed.
 
 The test moves the clocks.
 """
@@ -21,7 +21,7 @@ from tactile_node.skin.pads import PadSettings
 
 pytestmark = pytest.mark.bus
 PERIOD = 0.02  # Period of SYNC [s].
-STALL = 0.3    # Duration of the delay of the process or the write [s].
+STALL = 0.3    # Delay of the process or the write [s].
 ALLOWED = 0.02  # Largest error of a stamp [s].
 
 

@@ -25,7 +25,7 @@ def frame(values, missing=0):
 def test_offsets_and_noise_are_found():
     """The mean of K samples has the standard error noise / sqrt(K).
 
-    Over 48 taxels, the noise is estimated within a few per cent.
+    Over 48 taxels, the noise is estimated to within a few per cent.
     """
     offset = np.linspace(-3, 3, 48).reshape(6, 8)
     found = measure(frames(offset, 0.5), LIMIT, GUARD)

@@ -28,7 +28,7 @@ def disc(row, col, radius, hole=-1.0):
 
 
 class Pad:
-    """A pad that a sequence of masks presses in turn.
+    """A pad that is pressed by each mask of a sequence in turn.
 
     ``spoil(values, frame_number)`` returns the values that the faulty pad sends.
     """
@@ -199,7 +199,7 @@ def test_what_is_found_is_masked_only_on_request():
 
 
 def test_objects_that_are_held_squeezed_or_hollow_make_no_taxel_faulty():
-    """The cases are a saturated core, an object tapped beside a held object, and a tube gripped harder."""
+    """The cases are a saturated core, an object tapped next to a held object, and a tube gripped more firmly."""
     core, small = disc(6, 6, 1), disc(2, 2, 1)
     pad = Pad(lambda values, n: np.where(core & (n >= 10), FULL, values), noise=0.0)
     pad.frames(core, 10)

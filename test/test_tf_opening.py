@@ -1,4 +1,4 @@
-"""A running node takes the gripper's opening from tf, which in some of the cases must be unknown."""
+"""A running node takes the gripper's opening from tf. In some cases, the opening must be unknown."""
 
 import time
 from math import cos, inf, isnan, nan, pi, sin

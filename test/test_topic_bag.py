@@ -1,4 +1,4 @@
-"""Our topics in ROS 2 bags, which rosbags or this test writes, are read without ROS."""
+"""Our topics are read without ROS from ROS 2 bags that were written by rosbags or by this test."""
 
 import sqlite3
 import struct
@@ -80,8 +80,8 @@ def bag(folder, messages, plugin='MCAP', types=None, topics=(('/left/taxels', TA
 def mcap_file(path, messages, topic='/left/taxels', each=None, **options):
     """Write a file in the format of rosbag2's MCAP plugin, and return the position at which its last message ends.
 
-    Messages are one second apart, in chunks of ``each`` messages or without chunks. A killed recording contains the
-    bytes up to the returned position.
+    Messages are one second apart, in chunks of ``each`` messages or without chunks. If the recorder is killed, the file
+    contains the bytes up to the returned position.
     """
     text = _with_header(package_file('msg/TaxelArray.msg').read_text(encoding='utf-8'))
     with path.open('wb') as file:

@@ -87,7 +87,7 @@ def test_contacts_that_are_seen_in_part_keep_the_label_of_the_whole(on_off):
 def test_samples_of_another_code_are_not_read(tmp_path):
     claim(tmp_path / 'samples')
     (tmp_path / 'samples' / 'on_off_bulk_0.npz').touch()
-    claim(tmp_path / 'samples')  # The samples were drawn by the present version of the code.
+    claim(tmp_path / 'samples')  # The current version of the code drew the samples.
     (tmp_path / 'samples' / 'drawn_by').write_text('another')
     with pytest.raises(ConfigurationError):
         claim(tmp_path / 'samples')

@@ -1,4 +1,4 @@
-"""For each case in one table, Python and C++ must agree on whether a grasp may be used.
+"""For each case in a shared table, Python and C++ must agree on whether a grasp may be used.
 
 The tests also check that CMake finds the header.
 """

@@ -22,7 +22,7 @@ TIMEOUT = 60.0  # Time limit on a busy machine [s].
 
 
 def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL) -> subprocess.Popen:
-    """Start the page's command that begins with ``beginning``, with its link in a folder of the test.
+    """Start the page's command that begins with ``beginning``, and put its link in a folder of this test.
 
     Closing ``stack`` ends the started process.
     """

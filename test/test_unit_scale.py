@@ -1,4 +1,4 @@
-"""No other value is silently taken for a pascal: neither integers without a unit, nor counts passed as pressures."""
+"""Neither integers without a unit nor counts passed as pressures are silently taken for values in pascals."""
 
 import json
 import os
@@ -20,7 +20,7 @@ COUNTS = {'of a byte': BYTES, 'of a byte, integers': BYTES.astype(int), 'flat': 
           'faint': BYTES // 8, 'most of the pad': BYTES[4:13, 4:13],
           'noisy': np.rint(BYTES + 2 * np.abs(NOISE[0].mean()) + np.abs(RNG.normal(0, 2, BYTES.shape))),
           'fractions of full scale': BYTES / 255, 'a taxel without value': np.where(np.eye(17), np.nan, BYTES)}
-#: Values in pascal of pads that are idle or lightly touched.
+#: Values in pascals from pads that are idle or lightly touched.
 PASCALS = {'nothing': np.zeros((16, 16)), 'quiet': NOISE[0], 'drift': np.linspace(0, 1500, 256).reshape(16, 16),
            'a light touch': 1500 * SQUARE * PRESSED + 0.5, 'steps of 25 Pa': 25 * np.rint(50 * SQUARE * PRESSED),
            'a warm place': 300 * SQUARE * PRESSED + np.resize(NOISE[1], PRESSED.shape), 'a fault': np.pad([[180.0]], 7),

@@ -1,4 +1,4 @@
-"""The driver finds a serial adapter again by its USB identity, and mistakes no other adapter for it."""
+"""The driver finds a serial adapter again by its USB identity, and never mistakes another adapter for it."""
 
 import gc
 import os
@@ -23,7 +23,7 @@ PADS = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], [32]))
 
 
 def usb(device, serial_number: str | None = 'A1', location='1-2', vid=0x16D0, pid=0x117E):
-    """Return a USB adapter in the form in which pyserial lists adapters."""
+    """Return a USB adapter as pyserial would list it."""
     return SimpleNamespace(device=str(device), vid=vid, pid=pid, serial_number=serial_number, location=location)
 
 
@@ -94,7 +94,7 @@ def test_a_pulled_adapter_is_closed_for_certain():
     The kernel reuses the name of a port only after the port has been closed.
     """
     pty = SlcanPty()
-    # This object plays the part of the adapter.
+    # This object stands in for the adapter.
     adapter = BusNetwork(pty, lambda message: None, lambda fault, error: None)
     before = descriptors()
     bus = open_bus('slcan', pty.port, 1_000_000)
@@ -132,7 +132,7 @@ def test_an_adapter_that_was_pulled_out_is_used_under_its_new_name(plugged):
         plugged[1:] = [usb(port, 'B7')]  # From now on, the kernel may give the adapter's old name to any process.
         simulator.stop()
         assert wait_until(lambda: driver.failure is not None)
-        held.append(os.openpty())  # This process takes the old name, unless another process was faster.
+        held.append(os.openpty())  # This process takes the old name, unless another process has taken it first.
         simulator, new = plug()
         assert new != port
         count = len(frames)

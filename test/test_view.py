@@ -1,4 +1,4 @@
-"""The viewer for users must not show old, hidden or unknown data as a measurement."""
+"""The viewer must not present old, hidden or unknown data to its user as a measurement."""
 
 import io
 import re
@@ -175,7 +175,7 @@ def test_old_data_say_how_old_they_are_and_not_what_touches():
 def test_a_browser_counts_what_is_live_from_its_last_receipt():
     """The time for which a browser may show data as live starts when the browser last received an update.
 
-    If the data are as old as the last update, all of this time is left, except the duration of one browser frame. The
+    If the data are as old as the last update, all of this time remains, except the duration of one browser frame. The
     remaining time does not depend on the delay of the data.
     """
     pads = [drawn(0.3)._replace(since_receipt=0.3), drawn(0.2)._replace(since_receipt=0.3), drawn(3.0)]
@@ -223,14 +223,14 @@ def test_live_is_said_of_all_pads_or_of_the_one():
 
 
 def rows_of(table):
-    """Return the text of each table row by the name of the row."""
+    """Return the text of each table row, keyed by the name of the row."""
     return dict(row.removesuffix('</td></tr>').split('</td><td>') for row in re.findall('<td>(.*?</td></tr>)', table))
 
 
 def test_nothing_but_pads_and_status_line_says_whether_a_pad_is_live():
     """All other parts of the page are updated less often.
 
-    When a pad fails or returns, these parts would contradict the pads and the status line.
+    When a pad fails or returns, outdated parts would contradict the pads and the status line.
     """
     source, browser = HandSource(['left']), Sent()
     source.store.put(state())
@@ -331,7 +331,7 @@ def test_stamps_of_another_time_are_said_to_be_a_replay():
 
 
 def test_a_status_that_is_no_longer_sent_is_called_old():
-    """The driver died after its last message, in which it reported no failure."""
+    """The driver died after its last message, which reported no failure."""
     well = BusFacts('', 0.1, {}, ())
     assert 'OLD: nothing newer for 12 s' in health_table(well, 12.0) and 'OLD' not in health_table(well, 1.1)
     store = Store(['left'])
@@ -462,7 +462,7 @@ def test_a_narrow_terminal_gets_one_line(monkeypatch):
 
 
 class Sent:
-    """Records the updates that a browser would receive, by the part of the page."""
+    """Records the updates that a browser would receive, grouped by part of the page."""
 
     def __init__(self):
         self.client = MagicMock(client_id=7)

@@ -25,7 +25,7 @@ TUNNEL_RATE = 100e3  #: Data rate of the tunnel [bytes/s].
 JAM_PERIOD = 2.0  #: Time between two jams of the tunnel [s].
 JAM_TIME = 0.6    #: Duration of a jam, during which the tunnel passes no data on [s].
 
-# With TACTILE_VIEW_TEST, a missing tool is an error. Without TACTILE_VIEW_TEST, the tests are skipped.
+# If a tool is missing, the tests are skipped, or they fail if TACTILE_VIEW_TEST is set.
 if not os.environ.get('TACTILE_VIEW_TEST'):
     pytest.importorskip('playwright', reason='playwright is missing: make view-test installs it')
     if not CHROMIUM:
@@ -205,7 +205,7 @@ def cover(page):
 
 
 def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch):
-    """If WebGL runs in software, the browser takes long for the second update of the scene."""
+    """If WebGL runs in software, the browser needs a long time for the second update of the scene."""
     from tactile_node.viewing import page as module
     from tactile_node.viewing.server import ViewServer
     monkeypatch.setattr(module, 'SCENE_PERIOD', 3600.0)
@@ -218,8 +218,8 @@ def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch
     server.close()
 
 
-#: JavaScript that reads the addresses in three ways: by a request, by a frame, and by a WebSocket that waits for a
-#: message.
+#: JavaScript that reads the addresses in three ways: with a request, with a frame, and with a WebSocket that waits for
+#: a message.
 READ = """addresses => Promise.all(addresses.flatMap(address => [
     fetch(`http://${address}/`).then(answer => answer.text()).then(text => `fetch ${address} ${text.length}`),
     new Promise((resolve, reject) => {

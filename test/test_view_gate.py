@@ -39,7 +39,7 @@ def test_the_page_comes_to_a_browser_of_this_machine(open_server):
 
 @pytest.mark.parametrize('more', ['', UPGRADE])
 def test_another_name_for_this_machine_is_refused(open_server, more):
-    """In a DNS rebinding attack, the name evil.example first leads to the attacker's server and later to 127.0.0.1."""
+    """In a DNS rebinding attack, evil.example first resolves to the attacker's server and later to 127.0.0.1."""
     assert ask(open_server.port, host='evil.example:80', more=more)[0] == 403
 
 
@@ -114,7 +114,7 @@ def test_a_source_that_cannot_start_is_reported_on_the_page(caplog):
             raise RuntimeError('a defect')
     server = ViewServer(Broken(), port=0)
     with server._changed:
-        # This object takes the place of a connected browser.
+        # This object stands in for a connected browser.
         server._pages[0] = SimpleNamespace(stop=lambda: None, join=lambda: None)
         server._changed.notify_all()
     until(lambda: server.is_source_on, 60)

@@ -27,7 +27,7 @@ def received(bus):
 
 @pytest.fixture
 def skin(request):
-    """Return the settings of a virtual bus that has the name of this test.
+    """Return the settings of a virtual bus named after this test.
 
     A square of 7 x 7 taxels touches the pad on this bus.
     """
@@ -51,7 +51,7 @@ def test_a_bus_is_shown_while_somebody_looks_and_left_alone_after(skin):
     assert seen.contact.force == pytest.approx(49 * 50e3 * seen.pitch ** 2, rel=0.02)
     assert source.age(seen) < 5
     source.stop()
-    assert source.store.shown().pads['left'] is None  # The next viewer must not see data from before.
+    assert source.store.shown().pads['left'] is None  # The next viewer must not see earlier data.
     with open_bus(skin[0].interface, skin[0].channel, 1_000_000) as other:
         time.sleep(0.3)
         heard = received(other)

@@ -106,7 +106,7 @@ def test_a_shape_is_shown_on_the_taxels_that_it_was_recognised_from(nodes, name,
     first, second = taxels(node, 1, 10e3), taxels(node, 2, 99e3)
     of_taxels.publish(first)
     until(lambda: source.store.shown().pads['left'] is not None)
-    assert source.store.shown().pads['left'].contact is None  # No shape has arrived for these taxels so far.
+    assert source.store.shown().pads['left'].contact is None  # No shape has arrived for these taxels yet.
     of_taxels.publish(second)
     time.sleep(0.1)
     of_shapes.publish(shape(first, name, number))  # The shape is late, because the second frame has already arrived.

@@ -238,7 +238,7 @@ def check_as_rviz_does(marker: Marker) -> None:
     assert np.isfinite(points).all()
     needed = {Marker.CUBE_LIST: 'xyz', Marker.SPHERE: 'xyz', Marker.LINE_STRIP: 'x', Marker.LINE_LIST: 'x',
               Marker.TEXT_VIEW_FACING: 'z'}[marker.type]
-    for axis in 'xyz':  # RViz would take a text's x scale for the width of a space.
+    for axis in 'xyz':  # RViz would use a text's x scale as the width of a space.
         assert getattr(scale, axis) > 0 if axis in needed else getattr(scale, axis) == 0
     assert all(colour.a == 1 for colour in (marker.color, *marker.colors))
     if marker.type in (Marker.CUBE_LIST, Marker.LINE_STRIP, Marker.LINE_LIST):
@@ -271,8 +271,8 @@ def test_a_square_has_outline_axes_centre_and_name_and_a_circle_no_axes():
     assert list(found) == NAMESPACES
     assert flat(found['outline'].points) == [(0.013, 0.005), (0.021, 0.005), (0.021, 0.013), (0.013, 0.013),
                                              (0.013, 0.005)]
-    # Each axis has half of the side as its length. The shape's x axis points along y of the pad, and its y axis points
-    # along -x.
+    # Each axis is half as long as the side. The shape's x axis points along y of the pad, and its y axis points along
+    # -x.
     assert flat(found['axes'].points) == [(0.017, 0.009), (0.017, 0.013), (0.017, 0.009), (0.013, 0.009)]
     x, _, y, _ = found['axes'].colors
     assert x.r > 2 * max(x.g, x.b) and y.b > y.r
@@ -311,8 +311,8 @@ def test_without_a_shape_only_taxels_and_name_are_left_of_one_drawn_before(field
     ((0.0, 0.02, 0.04), (0.0, 0.02, 0.04), [0.5, 0.5, 0.5]),
     # The skin is slow and becomes slower.
     ((0.0, 2.0, 4.0, 1e6, 2e6), (0.0, 2.0, 4.0, 1e6, 2e6), [0.5, 6.0, 6.0, 6.0, 30.0]),
-    ((0.0, 1.0, 2.0), (0.0, 0.02, 0.04), [0.5, 3.0, 3.0]),  # A log of 50 Hz is played at a 50th of its speed.
-    ((0.0, 0.02, 0.04), (0.0, 1.0, 2.0), [0.5, 3.0, 3.0]),  # A log of 1 Hz is played at 50 times its speed.
+    ((0.0, 1.0, 2.0), (0.0, 0.02, 0.04), [0.5, 3.0, 3.0]),  # A 50 Hz log is played at 1/50 of its speed.
+    ((0.0, 0.02, 0.04), (0.0, 1.0, 2.0), [0.5, 3.0, 3.0]),  # A 1 Hz log is played at 50 times its speed.
     ((0.0, 0.02, 10.0, 10.02), (0.0, 0.02, 10.0, 10.02), [0.5, 0.5, 0.5, 0.5])])  # The skin fails for almost 10 s.
 def test_markers_last_from_one_frame_to_the_next_and_expire_when_a_skin_is_silent(arrivals, stamps, lifetimes):
     lifetime = MarkerLifetime()

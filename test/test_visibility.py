@@ -1,4 +1,4 @@
-"""Visibility states how much of a pad and of the surroundings of a contact a frame shows."""
+"""Visibility states how much of the pad, and of a contact's surroundings, a frame shows."""
 
 import numpy as np
 import pytest
@@ -55,7 +55,7 @@ def test_hidden_taxels_in_a_contact_and_around_it():
 
 
 @pytest.mark.parametrize(('hidden', 'expected'), [
-    ([(2, 6)], False), ([(2, 6), (3, 6)], True),  # Two of the twenty taxels are a tenth.
+    ([(2, 6)], False), ([(2, 6), (3, 6)], True),  # Two hidden taxels are a tenth of the contact's twenty.
     ([(2, 6), (2, 7)], True),  # One of the two hidden taxels lies in the ring.
     ([(2, 8), (3, 8), (4, 8), (5, 8)], False),  # These hidden taxels lie beyond the ring.
     ([(1, 1), (7, 6), (8, 8), (0, 4), (4, 3)], False)])  # Scattered taxels.

@@ -146,7 +146,7 @@ def test_simulated_devices_keep_the_time_of_the_other_model(node_ids, load):
 
 
 def test_what_the_wire_carries_is_assembled_in_virtual_time():
-    """Two pads use 98 % of the wire, with the largest number of stuff bits.
+    """With the most stuff bits, two pads use 98 % of the wire's capacity.
 
     Each sweep must arrive complete, with the values of its own SYNC.
     """

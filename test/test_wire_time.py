@@ -121,7 +121,7 @@ def test_sweeps_come_in_the_order_of_arbitration_and_never_before_their_time(cli
 def test_wire_time_can_be_switched_off(tmp_path):
     """Without the simulated wire, each device sends its whole sweep at once, one device after the other.
 
-    Without the wire, the command reports no wire.
+    With --no-wire, the command reports no wire.
     """
     client = Client(tmp_path, '--no-wire')
     try:

@@ -49,7 +49,7 @@ def nested(depth):
     ('rows: 0x' + 'F' * 20_000, 100), ('rows: ' + ':'.join(['59'] * 4_000), 100), ('rows: ' + '9' * 5_000, 200),
     (nested(30), 100)], ids=['hexadecimal', 'sexagesimal', 'decimal', 'aliases'])
 def test_a_value_without_end_is_refused_in_a_short_sentence(text, most, tmp_path):
-    """In an earlier version, the error message with such a value raised a ValueError or contained 9 ** 30 values."""
+    """In an earlier version, reporting such a value either raised a ValueError or listed 9 ** 30 values."""
     with pytest.raises(ConfigurationError) as refused:
         load_mapping(written(tmp_path, text), 'a skin layout').integer('rows', 1, 1024)
     assert len(refused.value.got) < most

@@ -25,7 +25,7 @@ class NoHostsError(RuntimeError):
 
 
 class Host:
-    """A network namespace that exists as long as a sleeping process holds it."""
+    """A network namespace, kept alive by a sleeping process."""
 
     def __init__(self, address: str, peer: str, inside: 'Host | None' = None):
         self.address, self._peer = address, peer
@@ -62,7 +62,7 @@ class Host:
 
         The variables in ``environment`` are added to the environment of the host.
 
-        The returned process is that of the command, because nsenter replaces itself by the command.
+        The returned process is that of the command, because nsenter replaces itself with the command.
         """
         return subprocess.Popen([*self.enter(), '--', *command], env=self.environment(**(environment or {})),
                                 **keywords)

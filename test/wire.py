@@ -1,4 +1,4 @@
-"""A model of a CAN wire in virtual time that uses no code of the package (ISO 11898-1).
+"""A model of a CAN wire in virtual time that uses none of the package's code (ISO 11898-1).
 
 Each frame occupies the wire for the time of its bits. Of the frames that are ready, the wire carries the frame with the
 lowest COB-ID first. The nodes answer each SYNC after a delay. Each node sends its TPDOs in a fixed order, and skips a
@@ -64,8 +64,8 @@ def carried(syncs: Sequence[float], nodes: Sequence[Node],
             leaves_out: Callable[[float], bool] = lambda now: False) -> Iterator[Carried]:
     """Yield all frames in the order in which the wire carries them.
 
-    ``syncs`` are the times at which the master has a SYNC ready, in rising order [s]. The master skips a SYNC that is
-    ready if ``leaves_out(now)`` returns True.
+    ``syncs`` are the times at which the master has a SYNC ready, in ascending order [s]. The master skips a SYNC that
+    is ready if ``leaves_out(now)`` returns True.
     """
     waiting, free = deque(enumerate(syncs)), 0.0
     while True:

@@ -30,7 +30,7 @@ class Pad(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """Results for one pad: numbers of the whole sweeps, numbers of the sweeps that all nodes answered, wrong frames."""
+    """Results for one pad: numbers of its whole sweeps and of its fully answered sweeps, and count of wrong frames."""
 
     whole: list[int]
     answered: list[int]
@@ -134,18 +134,15 @@ class Wire:
 
 
 class Adapter(Wire):
-    """For slcan, a SYNC is stamped when it is sent.
-
-    For slcan, all other waiting frames are stamped together when they are read.
-    """
+    """For slcan, a SYNC is stamped when it is sent, and all other waiting frames are stamped together when read."""
 
     def __init__(self, receiver: Receiver, period: float, rng: np.random.Generator):
         super().__init__(receiver, period)
         self._rng = rng
-        # Pairs of the time from which a frame can be read and the frame.
+        # Pairs of the earliest read time of a frame and the frame itself.
         self._here: deque[tuple[float, Carried]] = deque()
         self._last = 0.0  # arrival time of the last frame [s]
-        self._free = self._asked = 0.0  # earliest begin of the next read, and begin of the last read
+        self._free = self._asked = 0.0  # earliest start of the next read, and start of the last read
 
     def sync(self, frame: Carried) -> None:
         self.read(frame.offered)
