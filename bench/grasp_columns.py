@@ -97,7 +97,7 @@ def _touch(session: Session, item: Item) -> Record:
 
 
 def _hold(session: Session, item: Item) -> Record:
-    session.drive(MAX_GAP, touch=True)  # opening ends the hold of the previous start
+    session.drive(MAX_GAP, touch=True)  # opening the gripper ends the hold of the previous start
     session.holds.clear()
     return _touch(session, item)
 

@@ -100,7 +100,7 @@ class ContourTrees:
 
 
 def contour_features(level: np.ndarray, scale: float, graded: bool) -> np.ndarray:
-    """Return features of the outer contour of a patch, taken from a four times finer grid for pressures.
+    """Return features of the outer contour of a patch. For pressures, the contour comes from a four times finer grid.
 
     The features are the area, the perimeter, the convex hull, the smallest enclosing rectangle, circle and triangle,
     the fitted ellipse, the corners of polygonal approximations, and Hu's moments of the contour and of the levels.
