@@ -21,8 +21,8 @@ MOST_WAITED = 0.5
 class Performance(NamedTuple):
     """Latency of the received shapes, and two measures of the machine's speed.
 
-    The lateness of the simulated skin and the time that the nodes wait for a processor do not depend on the speed of
-    the nodes. The lateness and the waiting time therefore measure only the machine.
+    The two measures are the lateness of the simulated skin and the time that the nodes wait for a processor. Both
+    depend only on the machine, not on the speed of the nodes.
     """
 
     latency: Sequence[float]  #: times from SYNC to the arrival of each shape [s]

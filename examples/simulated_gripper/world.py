@@ -31,7 +31,7 @@ GRAVITY = 9.81            #: [m/s²]
 SHAKE_FREQUENCY = 6.0     #: [Hz]
 LOOP_PERIOD = 0.004       #: period of the thread [s]
 PULL_STIFFNESS = 2000.0   #: [N/m]
-MOST_BEHIND = 0.1         #: the thread skips the part of a delay beyond this [s]
+MOST_BEHIND = 0.1         #: longest delay that the thread makes up for; it skips the rest [s]
 
 
 class Outcome(Enum):
