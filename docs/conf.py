@@ -1,7 +1,7 @@
 """Sphinx configuration for `make docs` and rosdoc2.
 
-`make docs` builds the folder of this file. rosdoc2 copies this file to the parent folder of its copy of docs/, and runs
-Sphinx there.
+`make docs` builds the pages in the folder of this file. rosdoc2 copies this file to the parent folder of its copy of
+docs/, and runs Sphinx there.
 """
 
 import sys
