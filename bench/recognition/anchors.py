@@ -1,7 +1,7 @@
 """The anchors are two methods that an integrator would choose today: a small CNN, and trees on contour features.
 
 The anchors get the same contact patch as our method, with standard place, level and orientation and with torn pieces
-joined. The prepared patch is an advantage for the anchors, because the anchors alone would have no such patch. The
+joined. The prepared patch gives the anchors an advantage that they would not have on their own. The
 anchors also train on the same samples as our method.
 """
 

@@ -43,7 +43,7 @@ class Results(NamedTuple):
     long_classifier: VolfClassifier
     #: loss by plane for long rectangles at the largest size, without vanishing angles
     long_lost: dict[int, float]
-    vanished: dict[int, float]              #: share of patterns changed by the vanishing angles, by size
+    vanished: dict[int, float]              #: share of patterns that the vanishing angles change, by size
     remaining: np.ndarray                   #: share of taxels kept at each of ANGLES, for patterns of VANISHING taxels
     neighbours: int
     inside: InsideReading
