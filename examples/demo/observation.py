@@ -43,7 +43,7 @@ class Performance(NamedTuple):
 class SeenFit(NamedTuple):
     """Pose and size from the shape topic, in the frame of the pad [m, rad]."""
 
-    dimensions: Mapping[str, float]  #: lengths, by the names in ContactShape.dimension_names
+    dimensions: Mapping[str, float]  #: lengths, keyed by the names in ContactShape.dimension_names
     centre: tuple[float, float]
     angle: float | None              #: None for a circle
     names: tuple[str, ...]           #: names of the rows of ``covariance``

@@ -36,7 +36,7 @@ class Command:
 class Drive:
     """Position loop with limited force for two coupled fingers.
 
-    Positions are half of the gap [m], and times are simulated times [s]. All forces are those of one finger. At rest,
+    Positions are half of the gap [m], and times are simulated times [s]. All forces refer to one finger. At rest,
     the force of a finger equals the force of its pad.
     """
 
