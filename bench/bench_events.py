@@ -40,7 +40,7 @@ PROMISED_BY = dict(zip((SeenBy.OUTLINE, SeenBy.CENTRE_OF_PRESSURE, SeenBy.ON_OFF
 TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))
 MINUTES_OF_ONE = 10.0  #: The naive rule may make one false report in this holding time [min].
 
-#: Increased by a million after each change that a report has caused, so that the next report uses new seeds.
+#: Increase this number by a million after each change that a report prompts, so that the next report uses new seeds.
 SEED = 73_000_000
 #: Movements before a report [pitches], by way of seeing the contact and by speed.
 Found = dict[str, dict[str, list[float]]]
@@ -87,7 +87,7 @@ def measure(recogniser: VisibilityGuard, what: str, count: int, naive: float, on
     """Print and return the movements before an event [pitches], for each way of seeing a contact and the naive rule."""
     found: Found = {}
     kinds, kind = (KINDS, EventKind.SLIDING) if what == 'slides' else (TURNS, EventKind.TURNING)
-    # a centre of pressure shows no turn
+    # a centre of pressure cannot show a turn
     for way in [way for way in only if what == 'slides' or way != 'centre of pressure']:
         found[way] = {}
         for speed in speeds:

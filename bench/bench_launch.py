@@ -89,7 +89,7 @@ def main() -> int:
 
 
 def run_once(prefix: Path, form: str, args: argparse.Namespace) -> dict[str, float]:
-    """Run one measurement in a separate process, with interpreter and messages of the installation at ``prefix``."""
+    """Run one measurement in a separate process, with Python and the messages of the installation at ``prefix``."""
     environment = {name: value for name, value in os.environ.items()
                    if name not in ('LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE')}
     environment |= {'AMENT_PREFIX_PATH': str(prefix), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}

@@ -44,7 +44,7 @@ from training.ground_truth.seeds import Purpose
 
 
 class Clock:
-    """Prints progress messages, each with the seconds since the start in front."""
+    """Prints progress messages, each preceded by the seconds since the start."""
 
     def __init__(self):
         self._begin = perf_counter()

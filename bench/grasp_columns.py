@@ -1,7 +1,7 @@
 """Ways to close a gripper on a displaced item, and a comparison of the reported grasp with the true item.
 
 - `blind`: the gripper's own action closes to the width of the item.
-- `touch`: the gripper node closes up to a force.
+- `touch`: the gripper node closes until it reaches a force.
 - `shape`: the gripper node closes with a light force. examples/planner_client.py and examples/grasp_loop.py correct the
   hand. The gripper then squeezes with the same force as in `touch`.
 - `hold`: the gripper node closes as in `touch`, then keeps the force and raises it when the item slides.
@@ -97,7 +97,7 @@ def _touch(session: Session, item: Item) -> Record:
 
 
 def _hold(session: Session, item: Item) -> Record:
-    session.drive(MAX_GAP, touch=True)  # opening ends the hold of the previous start
+    session.drive(MAX_GAP, touch=True)  # opening the gripper ends the hold of the previous start
     session.holds.clear()
     return _touch(session, item)
 

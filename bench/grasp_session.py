@@ -2,7 +2,7 @@
 
 The physics, the skin, the gripper's action server and the planner node run in this process. The programs `tactile
 bringup` and `touch_gripper` run in their own processes, as on a robot. The simulation runs in real time and needs a
-fast enough machine.
+machine that is fast enough.
 """
 
 import subprocess
@@ -35,7 +35,7 @@ from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import Grasp, GripperOutcome
 
 #: Parameters of the gripper node. Each finger has a stiffness of 2000 N/m (drive.STIFFNESS) and moves by half the
-#: change of the gap, so that the gap has a stiffness of 1000 N/m.
+#: change of the gap, so the stiffness of the gap is 1000 N/m.
 PARAMETERS: Mapping[str, Any] = MappingProxyType({
     'gripper_action': ACTION, 'joint': JOINT, 'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.1,
     'fast_speed': 0.02, 'slow_speed': 0.003, 'touch_force': 2.0, 'gripper_effort': 10.0})
@@ -46,7 +46,7 @@ LOOK = 0.005    #: Time between two checks of a condition [s].
 
 #: Longest wait for the end of a goal [s]. If an item rocks between the pads, the gripper's own action never ends.
 PATIENCE = 30.0
-#: A pad counts as touched from this reading on [Pa]. The nodes may find a contact even below the noise floor.
+#: Reading at which a pad counts as touched [Pa]. The nodes may find a contact even below the noise floor.
 FELT = 2 * NOISE * FULL_SCALE
 
 
@@ -60,7 +60,7 @@ class WatchedWorld(World):
     def watch(self) -> None:
         """Clear the record."""
         self.peaks = dict.fromkeys(SIDES, 0.0)  #: [N]
-        self.felt_at = self.stopped_at = np.nan  #: times by the steady clock [s]
+        self.felt_at = self.stopped_at = np.nan  #: times on the steady clock [s]
 
     def pressures(self, side: str) -> np.ndarray:
         values = super().pressures(side)
@@ -157,7 +157,7 @@ class Session(ExitStack):
         self.until(lambda: self.world.now >= end)
 
     def place(self, place: Place) -> None:
-        """Start again with the item at ``place`` and an open hand, and wait until both pads are seen empty."""
+        """Start again with the item at ``place`` and an open hand, and wait until both pads are reported as empty."""
         self.world.place(place)
         self.world.watch()
         self.hand = dict.fromkeys(AXES, 0.0)  #: goal of each axis

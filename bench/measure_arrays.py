@@ -3,10 +3,10 @@
     python bench/measure_arrays.py --tekscan DIR --weiss DIR --vitac DIR [--output DIR]
 
 Each DIR is a local copy of a public repository: TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
-peter-kiechle/tactile-sensors or jsheng45/ViTac-Tactile-Sensing. The script prints one line for each missing copy. From
-the Tekscan array, the script reads the labelled frames. From the Weiss hand, the script reads all recordings that
-contain a labelled frame. The script also measures frames from the generator (training/real_arrays.py) in the same way.
-With --output, the script writes a page and a picture of generated frames.
+peter-kiechle/tactile-sensors or jsheng45/ViTac-Tactile-Sensing. The script prints one line for each missing copy. The
+script reads the labelled frames of the Tekscan array, and all recordings of the Weiss hand that contain a labelled
+frame. The script also measures frames from the generator (training/real_arrays.py) in the same way. With --output, the
+script writes a page and a picture of generated frames.
 """
 
 import argparse

@@ -103,7 +103,7 @@ def noisy(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
 def random_thing(random: np.random.Generator, kind: str) -> Thing:
     """Return a random prism of class ``kind``, or a rod with ball ends if ``kind`` is 'ball'.
 
-    At any angle, the face leaves at least one free taxel to the edge of the pad.
+    At any angle, at least one taxel between the face and the edge of the pad stays free.
     """
     while True:
         face = random_contact(random, 'circle' if kind == 'ball' else kind, random.uniform(25, 45))

@@ -1,6 +1,6 @@
 """Fit contacts computed by contact mechanics, whose pressures differ from the model of the fit.
 
-As the true outline, the script uses the outline of the same shape that best covers the solver's contact set.
+The true outline is the outline, of the same shape, that best covers the solver's contact set.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ AREAS = (25, 50, 100)
 FLAT, CUT = 'flat punches', 'flat punches over the edge'
 MOST_CUT = 1 / 3  #: Largest share of a contact that lies beyond the pad's edge.
 
-#: Increased by a million after each change that a report has caused, so that the next report uses new seeds.
+#: Increase this number by a million after each change that a report prompts, so that the next report uses new seeds.
 SEED = 61_000_000
 
 

@@ -8,8 +8,8 @@ Run `make soak` (`make soak MINUTES=60`), or: python bench/soak.py [--minutes 10
 - The script runs the same supervised driver as the driver node. The driver accepts such a full bus only with the
   setting ``allow_full_bus``.
 - At 115 sweeps per second, two 8-bit pads of 16x16 taxels fill a bus of 1 Mbit/s: each sweep has 64 TPDOs of 135 bits,
-  with the largest number of stuff bits. Heartbeats and SDOs use the bus as well, so that a device sometimes skips a
-  sweep ("sweeps skipped").
+  with the largest number of stuff bits. Heartbeats and SDOs use the bus as well, so a device sometimes skips a sweep
+  ("sweeps skipped").
 - If the system permits, all processes run at a raised priority, like the drivers on a robot.
 - A third process repeatedly sleeps for one millisecond, and reports the longest time for which the machine stalled.
 

@@ -1,7 +1,7 @@
 """Sphinx configuration for `make docs` and rosdoc2.
 
-`make docs` builds the folder of this file. rosdoc2 copies this file to the parent folder of its copy of docs/, and runs
-Sphinx there.
+`make docs` builds the pages in the folder of this file. rosdoc2 copies this file to the parent folder of its copy of
+docs/, and runs Sphinx there.
 """
 
 import sys
@@ -14,7 +14,7 @@ ROOT = Path(tactile_node.__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / 'docs/_ext'))
 PAGES = '' if Path('_ext').is_dir() else 'docs/'  # Sphinx runs this file in the folder that it builds.
 
-# A warning about an invalid number stops the build. Otherwise the page of the example would show it with a local path.
+# A warning about an invalid number stops the build. Otherwise the warning and a local path would appear on the page.
 warnings.filterwarnings('error', category=RuntimeWarning, module='tactile_node')
 
 project = 'tactile_skin'

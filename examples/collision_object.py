@@ -1,4 +1,4 @@
-"""Make a MoveIt collision object from a contact or a grasp, so that a motion planner considers the held object.
+"""Make a MoveIt collision object from a contact or a grasp, so that a motion planner allows for the held object.
 
     collision_object(shape, 'held')          # height from the message, which needs the parameter solid_height
     collision_object(shape, 'held', 0.05)    # given height [m]

@@ -60,7 +60,7 @@ class IsGraspStable(py_trees.behaviour.Behaviour):
         Names of the accepted shapes. An empty collection accepts any object.
     min_confidence
         Smallest accepted confidence in a known shape, from both faces together. If this value is above 0, an unknown
-        shape fails.
+        shape is not accepted.
     """
 
     def __init__(self, name: str, watch: GraspWatch, shapes: Collection[str] = (), min_confidence: float = 0.0):

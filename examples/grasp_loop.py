@@ -1,4 +1,4 @@
-"""Loop around examples/planner_client.py that closes, asks and moves until the contacts oppose or the loop gives up.
+"""Loop that closes, asks examples/planner_client.py and moves, until the contacts are opposite or the loop gives up.
 
 The loop only turns the planner's decisions into orders. Your program moves the gripper:
 
@@ -25,7 +25,7 @@ class Reason(IntEnum):
     NOT_GIVEN_UP = 1
     NOT_SEEN = 2     # nothing was known about the object in the gripper
     NO_DECISION = 3  # a contact was missing, was never stable, or was cut off by the edge of only one pad
-    EMPTY = 4        # both pads were seen empty
+    EMPTY = 4        # both pads were reported as empty
     TOO_MANY_MOVES = 5
 
 
@@ -38,7 +38,7 @@ class Order(NamedTuple):
 
 
 class GraspLoop:
-    """Follows one grasp from the first closing on. All times come from a steady clock [s]."""
+    """Follows one grasp, starting when the gripper first closes. All times come from a steady clock [s]."""
 
     def __init__(self, patience: float = PATIENCE, max_moves: int = MAX_MOVES):
         self._patience = patience

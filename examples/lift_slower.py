@@ -46,7 +46,7 @@ class LiftSpeed:
                 self._speed, self._since = min(self._speed, FULL / 2), self._steady()
 
     def speed(self) -> float:
-        """Return the speed for lifting now [m/s], or 0 to stop."""
+        """Return the current speed for lifting [m/s], or 0 to stop."""
         now = self._steady()
         if self._arrival is None or self._arrival.age(now) > MAX_AGE or self._grasp.contact != Grasp.TWO_SIDED:
             return 0.0

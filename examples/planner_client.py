@@ -1,4 +1,4 @@
-"""Client that reports to a grasp planner how to correct each grasp between two tactile pads.
+"""Client that tells a grasp planner how to correct each grasp between two tactile pads.
 
     python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
 
@@ -60,7 +60,7 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
     codes = type(grasp)
     if not grasp.fresh or grasp.contact in (codes.NOT_KNOWN, codes.UNSEEN):
         return HOLD
-    if grasp.contact == codes.NO_CONTACT:  # both pads are seen empty, so the gripper holds nothing
+    if grasp.contact == codes.NO_CONTACT:  # both pads are reported as empty, so the gripper holds nothing
         return Correction('open')
     if grasp.contact != codes.TWO_SIDED:
         return WAIT
@@ -94,7 +94,7 @@ def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
         return WAIT
     if hypot(*shift) > MAX_OFFSET:
         return Correction('shift', shift)
-    is_oblique = grasp.misalignment > MAX_MISALIGNMENT or any(  # NaN, which means unknown, is not oblique
+    is_oblique = grasp.misalignment > MAX_MISALIGNMENT or any(  # NaN means unknown and does not count as oblique
         abs(lean) > MAX_MISALIGNMENT * STIFFNESS for lean in grasp.lean)
     rests = all(motion.moving == STILL and motion.observable & SLIDES for motion in grasp.motions)
     is_held = (all(grasp.at_edge) and grasp.offset <= MAX_OFFSET and not is_oblique

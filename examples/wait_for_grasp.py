@@ -14,7 +14,7 @@ from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import Grasp
 
 TIMEOUT = 20  # time allowed for the grasp [s]
-LATE = 15.0  # longest wait to find the node, and beyond TIMEOUT for its answer, because an ended node never answers [s]
+LATE = 15.0  # longest wait to find the node or, after TIMEOUT, for its answer, because a dead node never answers [s]
 
 
 def wait_for_grasp(node: Node) -> tuple[Grasp | None, str]:

@@ -1,4 +1,4 @@
-"""Rules that classify the commands in the documents, by the test that runs a command or by its requirements.
+"""Rules that classify each command in the documents, by its requirements or by the test that runs it.
 
 The script documented_commands.py applies these rules.
 """

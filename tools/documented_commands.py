@@ -1,4 +1,4 @@
-"""Print each command in the documents with the test that runs the command or its requirements: `make commands`.
+"""Print each command in the documents, with its requirements or the test that runs it: `make commands`.
 
 If any line in an indented or fenced block of code begins with one of PROGRAMS, all lines in the block are commands.
 Inline code is also a command if it begins with one of PROGRAMS. Inline commands are often incomplete, so the script

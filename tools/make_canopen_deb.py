@@ -13,7 +13,7 @@ from pathlib import Path
 
 DEPENDS = {'python-can>=3.0.0': 'python3-can (>= 3.0.0)'}  #: Maps each requirement of canopen to a Debian package.
 
-#: The package omits these files, because with them pip would uninstall files that apt installed.
+#: The package omits these files, because they would let pip uninstall files that apt installed.
 OF_PIP = {'INSTALLER', 'RECORD', 'REQUESTED', 'direct_url.json'}
 CONTROL = """Package: python3-canopen
 Version: {version}

@@ -54,7 +54,10 @@ def wheel(source: Path, dist: Path) -> Path:
 
 
 def try_out(distribution: Path, work: Path) -> None:
-    """Install ``distribution`` in a new environment, and run a new user's first commands. Raises if a command fails."""
+    """Install ``distribution`` in a new environment, and run a new user's first commands.
+
+    Raises CalledProcessError if a command fails.
+    """
     run(sys.executable, '-m', 'venv', work / 'venv', cwd=work)
     binaries = work / 'venv/bin'
     clean = {name: value for name, value in os.environ.items() if name not in ('PYTHONPATH', 'AMENT_PREFIX_PATH')}

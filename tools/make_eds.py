@@ -1,4 +1,4 @@
-"""Generate config/*.eds for our example skins from the skins' layouts: ``python tools/make_eds.py``.
+"""Generate config/*.eds for our example skins from their layouts: ``python tools/make_eds.py``.
 
 The script writes an entry for each object that a layout maps, and a communication record and a mapping record for each
 TPDO (CiA 306). The default values of the TPDOs come from the layout, but the TPDOs are disabled. Like most devices, the

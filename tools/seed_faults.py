@@ -23,7 +23,7 @@ FAULTS = Path(__file__).with_name('seeded_faults.yaml')
 
 
 class SeededFault(NamedTuple):
-    """A fault that replaces the text ``old`` in ``file`` by ``new``, so that at least one of ``tests`` must fail."""
+    """A fault that replaces the text ``old`` in ``file`` with ``new``, so that at least one of ``tests`` must fail."""
 
     name: str
     file: str

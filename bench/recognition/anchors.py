@@ -1,7 +1,7 @@
 """The anchors are two methods that an integrator would choose today: a small CNN, and trees on contour features.
 
 The anchors get the same contact patch as our method, with standard place, level and orientation and with torn pieces
-joined. The prepared patch is an advantage for the anchors, because the anchors alone would have no such patch. The
+joined. The prepared patch gives the anchors an advantage that they would not have on their own. The
 anchors also train on the same samples as our method.
 """
 
@@ -100,7 +100,7 @@ class ContourTrees:
 
 
 def contour_features(level: np.ndarray, scale: float, graded: bool) -> np.ndarray:
-    """Return features of the outer contour of a patch, taken from a four times finer grid for pressures.
+    """Return features of the outer contour of a patch. For pressures, the contour comes from a four times finer grid.
 
     The features are the area, the perimeter, the convex hull, the smallest enclosing rectangle, circle and triangle,
     the fitted ellipse, the corners of polygonal approximations, and Hu's moments of the contour and of the levels.

@@ -100,7 +100,7 @@ def measure(groups: list[Group]) -> dict[str, str]:
 
 
 def measure_over_time(rest: list[np.ndarray], stamped: dict[float, np.ndarray]) -> dict[str, str]:
-    """Return noise and drift of pads at ``rest`` that warm up, and creep of a pad ``stamped`` by weights [g]."""
+    """Return noise and drift of pads that warm up at ``rest``, and creep of a pad ``stamped`` with weights [g]."""
     first, last = (np.concatenate([pad[of].mean(0).ravel() for pad in rest]) for of in (np.s_[:30], np.s_[-30:]))
     quiet = np.concatenate([np.diff(pad, axis=0).std(0).ravel() for pad in rest])[first > 0] / np.sqrt(2)
     creep, remains, loaded, ends = [], [], [], []

@@ -73,7 +73,7 @@ class Case(NamedTuple):
 
 def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, purpose=Purpose.EVALUATION,
               kinds=CLASSES) -> Case:
-    """Draw ``count`` patterns with the ``kinds`` in turn. A contact that presses no taxel counts as not recognised."""
+    """Draw ``count`` patterns, cycling through ``kinds``. A contact that presses no taxel counts as not recognised."""
     rng, nominal = seeded(seed, purpose), NOMINAL_ON_OFF if on_off else NOMINAL_PRESSURE
     conditions = replace(nominal, **FIELD.get(condition, {}))
     patterns = [extracted(field_frame(rng, kinds[k % len(kinds)], area, conditions), conditions)

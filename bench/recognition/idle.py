@@ -1,4 +1,4 @@
-"""Draw sequences of frames from an array that nothing presses."""
+"""Draw sequences of frames from an untouched array."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,7 +17,7 @@ class Idle(NamedTuple):
     """Frames of one pad, (frames, rows, cols), either bool or float in fractions of full scale."""
 
     frames: np.ndarray
-    begin: int = 0   #: index of the first frame in which nothing presses the pad
+    begin: int = 0   #: index of the first frame in which the pad is untouched
 
 
 #: The arguments are the rng, the number of frames and the side of the square pad.

@@ -63,7 +63,7 @@ def pressed(draw: Draw, area: float, count: int, seed: int) -> Case:
 
 
 def random_punch(rng: np.random.Generator, number: int) -> tuple[Indenter, float]:
-    """Draw a flat punch with rounded edges. Successive values of ``number`` go through the classes in turn."""
+    """Draw a flat punch with rounded edges. Successive values of ``number`` cycle through the classes."""
     contact = random_contact(rng, CLASSES[number % len(CLASSES)], 1.0)
     upright = replace(contact, x=0.0, y=0.0, angle=0.0)
     return flat_punch(upright, _compression(rng), rng.uniform(*ROUNDING)), rng.uniform(*TILT)

@@ -1,4 +1,4 @@
-"""Measure how often, and for how long, a shape is reported for pads that nothing presses.
+"""Measure how often, and for how long, a shape is reported for untouched pads.
 
 Each kind of disturbance is measured separately, in sequences of FRAMES frames at intervals of PERIOD. The training must
 not import this module.
@@ -19,7 +19,7 @@ FRAMES = 50
 PERIOD = 0.02             #: Time between two frames [s].
 SIDES = (16,) * 7 + (8, 32, 64)  #: Side lengths of the square pads, used in turn [taxels].
 ENOUGH = 200              #: Number of sequences of each kind, with 10,000 frames in total.
-MOST_CALLED = 0.001       #: Largest allowed share of frames of a kind that are called a shape.
+MOST_CALLED = 0.001       #: Largest allowed share of frames of one kind that are reported as a shape.
 LONGEST = 0.1             #: Longest allowed time for which a shape stays on the topic [s].
 SHAPES = tuple(shape for shape in Shape if shape not in (Shape.NONE, Shape.UNKNOWN))
 
@@ -38,7 +38,7 @@ class Seen(NamedTuple):
     """Result for one kind of disturbance."""
 
     kind: str
-    called: Rate          #: single frames that are called one of the five shapes
+    called: Rate          #: single frames that are reported as one of the five shapes
     by_shape: dict[Shape, int]
     longest: float        #: longest time for which a stream reports shapes without a break [s]
     streams: Rate         #: sequences in which a stream reports a shape for more than LONGEST

@@ -28,7 +28,7 @@ class Amount(NamedTuple):
     field: int
     mechanics: int
     pads: int       #: number of pads of each kind with several contacts
-    figures: int    #: number of figures per family of foreign shapes, and a quarter of this number per blemished shape
+    figures: int    #: number of figures per family of foreign shapes; each blemished shape gets a quarter of them
     pressed: int    #: number of frames for each family and size
     sequences: int  #: number of idle sequences of each kind
     cell: int       #: number of patterns in each cell of the blind spots

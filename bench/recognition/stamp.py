@@ -12,7 +12,7 @@ from scipy import ndimage
 from training.ground_truth.overlap import ANY, Limits, best_overlap
 
 CELLS = 256        #: Number of cells per side of a figure's square, in which x and y go from -1 to 1.
-SUBSAMPLES = 6     #: The coverage of a taxel is counted at 6 x 6 points.
+SUBSAMPLES = 6     #: The coverage of a taxel is sampled at 6 x 6 points.
 PRESSURE = 0.1, 0.8  #: Range of the mean pressure [fraction of full scale].
 TILT = 0.3         #: Largest relative rise of the pressure over the contact's mean radius.
 BLUR = 0.5         #: Standard deviation of the elastomer's blur [pitches].

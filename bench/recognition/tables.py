@@ -45,7 +45,7 @@ def unknown(result: Result) -> Rate:
 
 
 def lost(clean: list[Result]) -> Table:
-    """Return the table of known contacts that are lost to the limit for unknown."""
+    """Return the table of known contacts that the limit for unknown rejects."""
     table = Table('Known contacts lost to unknown', 'clean frames, with the limit as shipped [%]',
                   ['frames', 'area', 'patterns', 'ours unknown, %', 'at most, %', 'required'])
     for result in clean:
@@ -93,7 +93,7 @@ def probabilities(clean: list[Result]) -> Table:
 
 
 def recordings(contest: Contest, recogniser: Recogniser) -> Table:
-    """Return the table of real touches, which a person labelled and which no training or tuning used."""
+    """Return the table of real touches, labelled by a person and not used for training or tuning."""
     table = Table('Real recordings', 'share of each answer [%] in frames with the object and in frames without it, '
                   'where any shape is wrong; labels by hand; single frames, and ours as a stream, too',
                   ['recording', 'labelled', 'frames', 'contestant', *(shape.value for shape in ORDER)])

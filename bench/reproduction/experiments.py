@@ -1,4 +1,4 @@
-"""Measure the published method of the paper, and the reasons why its published rates are not reached here."""
+"""Measure the published method of the paper, and the reasons why we do not reach its published rates."""
 
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ from training.ground_truth.seeds import Purpose, generator
 
 VANISHING = 25  #: pattern area at which the loss of taxels by angle is measured [taxels]
 WORLDS_BY_AREA = tuple(world for world in WORLDS if world != INSIDE_WORLD)
-FEWER = 3  #: each other world has fewer patterns than the benchmark by this factor
+FEWER = 3  #: the benchmark has this many times as many patterns as each other world
 
 
 class Results(NamedTuple):
@@ -43,7 +43,7 @@ class Results(NamedTuple):
     long_classifier: VolfClassifier
     #: loss by plane for long rectangles at the largest size, without vanishing angles
     long_lost: dict[int, float]
-    vanished: dict[int, float]              #: share of patterns changed by the vanishing angles, by size
+    vanished: dict[int, float]              #: share of patterns that the vanishing angles change, by size
     remaining: np.ndarray                   #: share of taxels kept at each of ANGLES, for patterns of VANISHING taxels
     neighbours: int
     inside: InsideReading

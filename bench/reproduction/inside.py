@@ -106,7 +106,7 @@ def replaced(drawn: Drawn, triangles: Drawn) -> Drawn:
 
 
 def _triangles_among(patterns: int) -> int:
-    """Return the number of isosceles triangles in ``patterns`` patterns that go through the classes in turn."""
+    """Return the number of isosceles triangles among ``patterns`` patterns that cycle through the classes."""
     return len(range(ANSWERS.index(TRIANGLE), patterns, len(ANSWERS)))
 
 

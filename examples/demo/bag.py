@@ -1,4 +1,4 @@
-"""Write topics into an MCAP bag that `ros2 bag` and Foxglove can read, without an installed rosbag2.
+"""Write topics into an MCAP bag that `ros2 bag` and Foxglove can read, even if rosbag2 is not installed.
 
 The demo starts this module in a separate process, like `ros2 bag record`. The recorder prints a line once it has
 subscribed to all topics, records until the end of its standard input, and then prints the number of recorded messages.

@@ -21,8 +21,8 @@ MOST_WAITED = 0.5
 class Performance(NamedTuple):
     """Latency of the received shapes, and two measures of the machine's speed.
 
-    The lateness of the simulated skin and the time that the nodes wait for a processor do not depend on the speed of
-    the nodes. The lateness and the waiting time therefore measure only the machine.
+    The two measures are the lateness of the simulated skin and the time that the nodes wait for a processor. Both
+    depend only on the machine, not on the speed of the nodes.
     """
 
     latency: Sequence[float]  #: times from SYNC to the arrival of each shape [s]
@@ -43,7 +43,7 @@ class Performance(NamedTuple):
 class SeenFit(NamedTuple):
     """Pose and size from the shape topic, in the frame of the pad [m, rad]."""
 
-    dimensions: Mapping[str, float]  #: lengths, by the names in ContactShape.dimension_names
+    dimensions: Mapping[str, float]  #: lengths, keyed by the names in ContactShape.dimension_names
     centre: tuple[float, float]
     angle: float | None              #: None for a circle
     names: tuple[str, ...]           #: names of the rows of ``covariance``

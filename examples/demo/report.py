@@ -70,7 +70,7 @@ def _touched(v: Verdict) -> tuple:
 
 
 def _found(fit: SeenFit | None) -> list[str]:
-    """Return the cells of a fit as text. Missing values give empty cells, such as the angle of a circle."""
+    """Return the cells of a fit as text. Missing values, such as the angle of a circle, give empty cells."""
     if fit is None:
         return len(FOUND) * ['']
     first, second = (*fit.dimensions.values(), None)[:2]

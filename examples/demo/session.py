@@ -156,9 +156,9 @@ class DemoSession:
         return sum(map(len, self._touches.values()))
 
     def _wait_until_ready(self) -> None:
-        """Wait until both pads are seen empty, but at most PATIENCE.
+        """Wait until both pads are reported as empty, but at most PATIENCE.
 
-        On an overloaded machine, the pads may never be seen empty.
+        On an overloaded machine, the pads may never be reported as empty.
         """
         give_up = time.monotonic() + PATIENCE
         while not self.watcher.is_empty and time.monotonic() < give_up:

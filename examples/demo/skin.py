@@ -19,7 +19,7 @@ from tactile_node.simulator.slcan_pty import SlcanPty
 
 
 class Script:
-    """The clock of the touches, which stays before the first touch until ``begin`` is set [s, Unix epoch].
+    """Clock of the touches, which shows a time before the first touch until ``begin`` [s, Unix epoch] is set.
 
     The script continues when the driver restarts a device. With the device's own clock, the script would start again.
     """

@@ -54,7 +54,7 @@ class Watcher(Node):
 
     @property
     def reached(self) -> float:
-        """Time in the script until which shapes of all pads have arrived [s]."""
+        """Script time up to which the shapes of all pads have arrived [s]."""
         return min(seen[-1].time if seen else 0.0 for seen in self.seen.values())
 
     def _taxels(self, pad: str, message: TaxelArray) -> None:

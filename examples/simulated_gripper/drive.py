@@ -12,7 +12,7 @@ MAX_EFFORT = 20.0   #: highest force of a pad [N]
 DELAY = 0.04                   #: delay from a command to its execution by the motor [s]
 STIFFNESS = 2000.0  #: stiffness of a finger's position loop [N/m]
 DAMPING = 25.0      #: damping of a finger's position loop [N s/m]
-AT_GOAL = 0.0003    #: largest position error at which a finger counts as at its goal [m]
+AT_GOAL = 0.0003    #: largest position error at which a finger has reached its goal [m]
 AT_REST = 0.0005    #: highest speed at which a finger counts as at rest [m/s]
 SETTLED = 0.1       #: time at rest after which a finger counts as settled [s]
 
@@ -36,7 +36,7 @@ class Command:
 class Drive:
     """Position loop with limited force for two coupled fingers.
 
-    Positions are half of the gap [m], and times are simulated times [s]. All forces are those of one finger. At rest,
+    Positions are half of the gap [m], and times are simulated times [s]. All forces refer to one finger. At rest,
     the force of a finger equals the force of its pad.
     """
 

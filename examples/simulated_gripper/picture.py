@@ -40,7 +40,7 @@ def draw(world: World, file: Path) -> None:
         image = axes[side].imshow(values, cmap='inferno', vmin=0, vmax=most, extent=(low, high, high, low))
         axes[side].set_title(f'{side} pad, {world.forces[side]:.2f} N')
         axes[side].set_xlabel('x [mm]')
-    # the rows of the right pad run upwards, so invert y to make up the same in both pictures
+    # the rows of the right pad run upwards, so invert y to draw both pads the same way up
     axes['right'].invert_yaxis()
     axes['left'].set_ylabel('y [mm]')
     figure.colorbar(image, ax=list(axes.values())[1:], shrink=0.75).set_label('pressure [kPa]')

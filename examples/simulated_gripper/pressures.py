@@ -1,8 +1,8 @@
 """Compute the taxel pressures under a pressed item, with an elastic foundation as in bench/planner_world.py.
 
-MuJoCo computes the force and the pose of the item, and this module distributes the force over the taxels by the
-geometry. In MuJoCo, an oblique face presses only with its edge, whereas the centre of the pressures computed here lies
-some millimetres farther inside. The pad frame has its origin at the centre of taxel (0, 0), x along the columns, y
+MuJoCo computes the force and the pose of the item, and this module distributes the force over the taxels according to
+the geometry. In MuJoCo, an oblique face presses only with its edge, whereas the centre of the pressures computed here
+lies some millimetres farther inside. The pad frame has its origin at the centre of taxel (0, 0), x along the columns, y
 along the rows, and z out of the skin.
 """
 
@@ -55,7 +55,7 @@ def _ball(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarr
 
 
 def _prism(item: Item, pose: Transform, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return z where lines along z enter the prism, by crossing the last of the planes that face the pad [m]."""
+    """Return z [m] where lines along z enter the prism, which is where they cross the last plane that faces the pad."""
     normals, distances = item.planes
     normals = normals @ pose.rotation.T
     distances = distances + normals @ pose.translation

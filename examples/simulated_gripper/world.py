@@ -26,12 +26,12 @@ MAX_SHIFT = 0.008         #: largest displacement of an item from the aim of the
 MAX_TURN = radians(15)    #: largest rotation of an item from the aim of the hand [rad]
 SPEEDS = {'x': 0.05, 'y': 0.05, 'lift': 0.05, 'yaw': 0.5}  #: speeds of the hand along its axes [m/s, rad/s]
 AXES = tuple(SPEEDS)
-LIFTED = 0.01             #: a held item that touches the table after a lift of more than this counts as dropped [m]
+LIFTED = 0.01             #: a lifted item counts as dropped if it touches the table after a lift of more than this [m]
 GRAVITY = 9.81            #: [m/s²]
 SHAKE_FREQUENCY = 6.0     #: [Hz]
 LOOP_PERIOD = 0.004       #: period of the thread [s]
 PULL_STIFFNESS = 2000.0   #: [N/m]
-MOST_BEHIND = 0.1         #: the thread skips the part of a delay beyond this [s]
+MOST_BEHIND = 0.1         #: longest delay that the thread makes up for; it skips the rest [s]
 
 
 class Outcome(Enum):

@@ -21,8 +21,8 @@ def filled(text: str, missing: Callable[[str, ModuleNotFoundError], str]) -> str
     text : str
         Text of the page.
     missing : Callable[[str, ModuleNotFoundError], str]
-        Function that returns the replacement for a mark if a Python module for its generator is not installed. The
-        arguments are the name in the mark and the error.
+        Function that returns a replacement for a mark if its generator needs a Python module that is not installed. The
+        function gets the name in the mark and the import error.
     """
     return MARK.sub(lambda mark: _generated(mark[1], missing), text)
 

@@ -6,7 +6,7 @@ from unittest import mock
 
 from tactile_node.cli.main import COMMANDS, _parser
 
-WIDTH = '100'  # Columns of the help texts.
+WIDTH = '100'  # Width of the help texts [columns].
 
 
 def markdown() -> str:

@@ -25,7 +25,7 @@ from .interfaces import files_of, first_sentence
 
 PADS, NODE_IDS, LAYOUT = ['left', 'right'], [32, 64], 'sim16x16.yaml'
 NAMESPACE = 'documented'  # No other node on this machine uses this namespace.
-QUIET, TIMEOUT = 1.0, 60.0  # Unchanged time that ends discovery, and longest time for discovery [s].
+QUIET, TIMEOUT = 1.0, 60.0  # Discovery ends after QUIET without a change, or after TIMEOUT [s].
 EVERY_NODE = 'every node'
 OF_EVERY_NODE = ('describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
                  'list_parameters', 'set_parameters', 'set_parameters_atomically')
@@ -43,7 +43,7 @@ OF_STANDARD_TYPES = {
 class Open(NamedTuple):
     """A topic, service or action of a node.
 
-    The name does not contain the namespace of the bus, and <pad> replaces the name of the pad.
+    The name omits the namespace of the bus, and contains <pad> in place of the name of the pad.
     """
 
     node: str
