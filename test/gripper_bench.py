@@ -84,7 +84,7 @@ class Motor:
         self.opening = self._target = opening
 
     def fall_silent(self, goes_on=False):
-        self._bench.remove(self.node)
+        self._bench.executor.remove_node(self.node)
         self.is_silent, self.goes_on = True, goes_on
 
     def wake(self):
@@ -271,8 +271,8 @@ class GripperBench(TimedBench):
     """
 
     def __init__(self, stack, kind='ParallelGripperCommand', parameters=(), scale=1.0, offset=0.0, pads=(),
-                 has_node=True, executor=None):
-        super().__init__(stack, STEP, executor, is_real_time=pads is None or not has_node)
+                 has_node=True):
+        super().__init__(stack, STEP, is_real_time=pads is None or not has_node)
         self.interface = gripper_interface(kind, '')
         self.motor = Motor(self, self.interface, scale, offset)
         self.pads = None if pads is None else Pads(self, self.motor, **dict(pads))

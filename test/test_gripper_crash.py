@@ -20,7 +20,7 @@ from tactile_node.grasp.closing import Outcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
-# Timeout for an answer of the gripper [s]. Fast DDS repeats a lost message after 3 s, so the timeout is longer than
+# Timeout for an answer from the gripper [s]. Fast DDS repeats a lost message after 3 s, so the timeout is longer than
 # that.
 TIMEOUT = 5.0
 # Time for the gripper node to discover a gripper that has already discovered the node [s].

@@ -165,7 +165,7 @@ def test_a_duplicate_is_an_error_and_its_end_is_information(make_bench, caplog):
     second = add_second(bench)
     bench.until(lambda: bench.node._watch.topics)
     bench.wait(2 * HEARTBEAT_PERIOD)
-    bench.end(second)
+    second.destroy_node()
     bench.until(lambda: not bench.node._watch.topics)
     bench.wait(2 * HEARTBEAT_PERIOD)
     told = [(each.levelno, each.message.split(',')[0]) for each in caplog.records
@@ -175,7 +175,7 @@ def test_a_duplicate_is_an_error_and_its_end_is_information(make_bench, caplog):
 
 def test_a_goal_to_close_waits_after_a_start_and_one_to_open_does_not(make_bench):
     bench = make_bench()
-    bench.end(bench.node)
+    bench.node.destroy_node()
     bench.node = bench.add(bench.timed(GripperNode)())
     bench.client.until_ready()
     bench.until_joined(lambda: bench.node.count_publishers('/grasp'))

@@ -8,7 +8,6 @@ import os
 
 import pytest
 from gripper_faults import FAULTS, FORCE, GOALS, MOST, happens, recover
-from rclpy.executors import SingleThreadedExecutor
 
 from tactile_node.grasp.closing import Outcome, TouchLimits
 
@@ -60,9 +59,7 @@ CELLS = [(fault, goal) for i, fault in enumerate(FAULTS) for j, goal in enumerat
 @pytest.mark.parametrize(('fault', 'goal'), CELLS)
 def test_a_goal_that_meets_a_fault_ends_truly_and_poisons_none_after_it(ros, fault, goal):
     from gripper_bench import GripperBench
-    # EventsExecutor takes both answers at once, which ActionClient does not expect.
-    executor = SingleThreadedExecutor() if fault == 'two servers' else None
-    bench = GripperBench(ros, parameters={'hold': True}, executor=executor)
+    bench = GripperBench(ros, parameters={'hold': True})
     seen = happens(bench, fault, goal)
     assert (seen.outcome, seen.sent) == EXPECTED[fault][goal]
     assert seen.is_in_doubt == (fault in IN_DOUBT)

@@ -55,7 +55,7 @@ def test_before_bringup_runs_the_text_names_it(ros):
 
 def restart(bench):
     """Replace the node with a new node that has not received any message."""
-    bench.end(bench.node)
+    bench.node.destroy_node()
     bench.node = bench.add(bench.timed(type(bench.node).__mro__[1])())
     bench.client.until_ready()
     bench.until_joined(lambda: bench.node.count_publishers('/grasp'))

@@ -264,7 +264,7 @@ def test_a_node_that_ends_in_a_correction_stops_the_gripper(held):
     bench = held()
     bench.motor.slowness = 5.0
     closes(bench)
-    bench.end(bench.node)
+    bench.node.destroy_node()
     before = bench.motor.opening
     bench.wait(0.4)
     assert before - bench.motor.opening <= LIMITS.slow_speed * 2 * STEP and bench.motor.cancels

@@ -577,7 +577,7 @@ def test_a_gripper_that_said_it_is_there_is_stopped_where_it_is(make_bench, stop
     stopped = bench.motor.opening
     bench.client.send(position=0.0)
     bench.wait(0.2)
-    bench.end(bench.node)
+    bench.node.destroy_node()
     bench.wait(0.3)
     assert bench.motor.directions == ['close', 'hold', 'close', 'hold'] and 0.05 < bench.motor.opening < stopped
 
@@ -648,7 +648,7 @@ def test_a_node_that_ends_stops_the_gripper(make_bench):
     bench = make_bench()
     bench.client.send(position=0.0)
     bench.wait(0.3)
-    bench.end(bench.node)
+    bench.node.destroy_node()
     before = bench.motor.opening
     bench.wait(0.4)
     assert before - bench.motor.opening <= LIMITS.fast_speed * 2 * STEP and bench.motor.cancels
