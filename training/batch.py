@@ -26,7 +26,7 @@ NOISIEST = 0.25   #: Largest standard deviation of the noise, relative to the le
 
 #: Fraction of the pressure frames whose threshold ignores the level and the tilt of the contact.
 ABSOLUTE = 0.35
-MEMORY = 400_000  #: Largest number of taxels in the frames that are drawn at once.
+MEMORY = 400_000  #: Maximum total number of taxels in a batch of frames.
 
 
 class Covered(NamedTuple):

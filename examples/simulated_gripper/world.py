@@ -185,7 +185,7 @@ class World:
             return pad.inverse @ Transform(body.xmat.reshape(3, 3).copy(), body.xpos.copy())
 
     def off_hand(self) -> Place:
-        """Return the item's place relative to the middle between the pads, in the hand's frame."""
+        """Return the item's position in the hand frame, relative to the midpoint between the pads."""
         with self.lock:
             hand, body = self.data.body('hand'), self.data.body('item')
             x, y, _ = hand.xmat.reshape(3, 3).T @ (body.xpos - hand.xpos)

@@ -90,7 +90,7 @@ class McapFile:
         return [(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
 
     def read(self, since: int = 0) -> Iterator[Stored | Damage]:
-        """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` for each damaged place."""
+        """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` for each damaged part of the file."""
         read, is_damaged = 0, False
         indexes = () if self.summary is None else self.summary.chunk_indexes
         for found in self._read_indexed(indexes, since) if indexes else self._walk(since):

@@ -210,7 +210,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     parse : callable
         Function that creates a result from a message.
     hand_over : HandOver
-        Hand-over of this process.
+        Hand-over that connects the stages of this process.
     newest_only : bool
         True to process only the newest waiting result.
     steady : callable
@@ -333,7 +333,7 @@ class StageOutput(Generic[Result]):
     make : callable
         Function that creates a message from a result.
     hand_over : HandOver
-        Hand-over of this process.
+        Hand-over that connects the stages of this process.
     """
 
     def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],

@@ -39,7 +39,7 @@ class PadOutput:
     settings : DriverSettings
         Settings of the driver.
     hand_over : HandOver
-        Hand-over of this process.
+        Hand-over that connects the stages of this process.
     age : callable
         Function that returns the age of a frame from its stamp [s]; see `FrameSource.age`.
     layer : Layer or None

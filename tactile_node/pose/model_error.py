@@ -36,7 +36,7 @@ FEW_TAXELS = 26.0   #: Contact area at which the standard deviation is twice tha
 
 
 class Loading(NamedTuple):
-    """How an object loads the skin, as found by a fit."""
+    """Type of load that a fit has found: how the object presses on the skin."""
 
     indenter: Indenter
     peak: float   #: 0 for an even pressure, 1 for the pressure of the profile

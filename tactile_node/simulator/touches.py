@@ -1,4 +1,4 @@
-"""Programmes of touches on simulated pads or a simulated gripper, given as taxel values over time."""
+"""Sequences of touches on simulated pads or a simulated gripper, as taxel values over time."""
 
 from bisect import bisect_right
 from collections.abc import Sequence

@@ -79,13 +79,13 @@ def _influence(primitive: Primitive, shape: tuple[int, int], cell: float, margin
 
 
 def _love(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the primitive of 1 / (π r)."""
+    """Return the antiderivative of 1 / (π r)."""
     primitive: np.ndarray = (x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))) / np.pi
     return primitive
 
 
 def _newmark(x: np.ndarray, y: np.ndarray, z: float) -> np.ndarray:
-    """Return the primitive of 3 z³ / (2π (r² + z²)^(5/2))."""
+    """Return the antiderivative of 3 z³ / (2π (r² + z²)^(5/2))."""
     slant = np.sqrt(x * x + y * y + z * z)
     parts = x * y * z / slant * (1 / (x * x + z * z) + 1 / (y * y + z * z))
     primitive: np.ndarray = (np.arctan(x * y / (z * slant)) + parts) / (2 * np.pi)
