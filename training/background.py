@@ -14,7 +14,7 @@ import numpy as np
 from tactile_node.shape.recogniser import KINDS
 from training.drawn_by import claim
 from training.ground_truth.seeds import Purpose, generator
-from training.pools import Part, draw_parts, read_parts
+from training.pools import Part, draw_part, read_parts
 from training.samples import LEVEL_STEPS, UNKNOWN
 
 #: patches of each pool and kind
@@ -29,7 +29,7 @@ def chosen(folder: Path, kind: str) -> dict[str, np.ndarray]:
     rng, found = generator(Purpose.TRAINING, SEED + KINDS.index(kind)), []
     for pool, count in COUNTS.items():
         part = Part(kind, pool, 0)
-        list(draw_parts(folder, [part]))
+        draw_part(folder, part)
         samples = read_parts(folder, [part])
         which = rng.choice(len(samples.labels), count, replace=False)
         scales = np.exp(samples.geometry[which, 2])  # as invariants.describe_all has them

@@ -1,7 +1,5 @@
 """The recogniser's network in torch, and from there to arrays."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import torch
 from torch import nn
@@ -36,22 +34,6 @@ class Model(nn.Module):
             flow = torch.relu(layer(flow))
         return self.dense[-1](flow)
 
-    @classmethod
-    def from_arrays(cls, data: Mapping[str, np.ndarray], kind: str) -> 'Model':
-        """Take the weights of one ``kind`` from a file that `train` wrote."""
-        model = cls(data[f'{kind}_middle'], data[f'{kind}_spread'])
-        for layer, of_layer in enumerate((*model.convolutions, *model.dense)):
-            kernel = data[f'{kind}_kernel{layer}'].astype(np.float32)
-            if layer < len(model.convolutions):
-                outputs, inputs, rows, cols = of_layer.weight.shape
-                weight = kernel.reshape(rows, cols, inputs, outputs).transpose(3, 2, 0, 1)
-            else:
-                weight = _channels_first(kernel.T) if layer == len(model.convolutions) else kernel.T
-            with torch.no_grad():
-                of_layer.weight.copy_(torch.as_tensor(np.ascontiguousarray(weight)))
-                of_layer.bias.copy_(torch.as_tensor(data[f'{kind}_bias{layer}'].astype(np.float32)))
-        return model
-
     def arrays(self) -> dict[str, np.ndarray]:
         """The weights as network.Network takes them, channels last; float16 keeps the file small."""
         found = {}
@@ -65,13 +47,6 @@ class Model(nn.Module):
             found[f'bias{layer}'] = dense.bias.detach().numpy()
         found = {name: np.ascontiguousarray(array, np.float16) for name, array in found.items()}
         return found | {'middle': self.middle.numpy(), 'spread': self.spread.numpy()}
-
-
-def _channels_first(weight: np.ndarray) -> np.ndarray:
-    """The inverse of `_channels_last`."""
-    channels, side = CHANNELS[-1], SIDE // 4
-    image = weight[:, :-COUNT].reshape(-1, side, side, channels).transpose(0, 3, 1, 2)
-    return np.concatenate((image.reshape(len(weight), -1), weight[:, -COUNT:]), 1)
 
 
 def _channels_last(weight: np.ndarray) -> np.ndarray:

@@ -1,6 +1,5 @@
 """Training samples on disk: drawn once, in parts of known seed, then read again by every training."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -111,15 +110,13 @@ def _mechanics(rng, on_off: bool, folder: Path) -> Samples:
     return samples_from(found)
 
 
-def draw_parts(folder: Path, parts: list[Part]) -> Iterator[Part]:
-    """Draw those of ``parts`` that ``folder`` does not hold yet; yield each when it is there."""
+def draw_part(folder: Path, part: Part) -> None:
+    """Draw ``part`` where ``folder`` does not hold it yet."""
     folder.mkdir(parents=True, exist_ok=True)
-    for part in parts:
-        if not part.path(folder).exists():
-            unfinished = part.path(folder).with_suffix('.part.npz')
-            np.savez(unfinished, **part.draw(folder)._asdict())
-            unfinished.rename(part.path(folder))
-        yield part
+    if not part.path(folder).exists():
+        unfinished = part.path(folder).with_suffix('.part.npz')
+        np.savez(unfinished, **part.draw(folder)._asdict())
+        unfinished.rename(part.path(folder))
 
 
 def read_parts(folder: Path, parts: list[Part]) -> Samples:

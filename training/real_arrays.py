@@ -1,14 +1,14 @@
-"""Contacts as real arrays show them: unlike gains, speckle, cross-talk, rims, bars, small pads, cut by an edge.
+"""Contacts as real arrays show them: unlike gains, speckle, halos, cross-talk, rims, bars, cut by an edge.
 
-Ranges are wider than what was measured on real arrays (docs/recognition/real_arrays.md). What is labelled is what is
-seen: a bar that leaves the pad is a rectangle, a disc of which a half is seen has no label. Lengths in taxel pitches,
-pressures as fractions of full scale.
+Ranges are wider than on any array seen (docs/recognition/real_arrays.md), because a user's skin is one that nobody here
+has seen. What is labelled is what is seen: a bar that leaves the pad is a rectangle, a disc of which a half is seen has
+no label. Lengths in taxel pitches, pressures as fractions of full scale.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
+from scipy import ndimage, signal
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.shape.patch import joined
@@ -18,10 +18,10 @@ from training.forms import Forms
 from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, samples_from
 from training.segmentation import pattern_beside
 
-PADS = ((13, 6), (14, 6), (8, 8), (16, 16), (12, 32), (28, 50))  #: rows and columns
+PADS = ((13, 6), (14, 6), (8, 8), (10, 18), (16, 16), (12, 32), (28, 50), (40, 40))  #: rows and columns
 FINER = 3                 #: points a taxel's side at which coverage is counted
 CIRCLE, SQUARE, RECTANGLE, RIGHT, ISOSCELES = range(UNKNOWN)
-SHARES = (0.24, 0.1, 0.2, 0.07, 0.07, 0.32)  #: of the labels drawn; what is not decided is drawn again
+SHARES = (0.2, 0.13, 0.17, 0.06, 0.06, 0.38)  #: of the labels drawn; what is not decided is drawn again
 LEAST = (8.0, 25.0, 9.0, 30.0, 30.0, 14.0)  #: areas by label [taxels]
 MOST = 500.0
 OF_PAD = 0.6              #: of the pad's area at most
@@ -30,11 +30,17 @@ SLIMMEST, STOUTEST = 30.0, 1.4  #: length to width of a bar; of what is seen of 
 THINNEST = 1.7            #: width of a bar [pitches]
 BARE = 0.8                #: of a bar of equal second moments, the share that a foreign figure covers at most
 HOLLOW = 0.3               #: share of circles, squares and rectangles
-DOMES = (0.65, 0.0, 0.5, 0.0, 0.0, 0.4)  #: shares of contacts that are round on top, by label
+DOMES = (0.65, 0.2, 0.5, 0.0, 0.0, 0.4)  #: shares of contacts that are round on top, by label
 BALL, CYLINDER = 0.32, 2.2  #: stretch of a ball's contact on a curved finger (log); least ratio of a lying cylinder's
 THINNEST_WALL = 1.3       #: of a rim [pitches]
 RESPONSE = (0.8, 1.8)      #: reading by pressure to this power: a Weiss hand's sum of readings is weight to the 1.64
 OVERLAP = 0.8             #: with the best of the five shapes, of foreign figures at most
+GAIN, LINE_GAIN, SPECKLE = 0.45, 0.3, 0.5  #: log of the gains of taxels, lines and patches, standard deviation at most
+HALO, HALO_REACH = 1.0, (1.0, 4.0)  #: load carried sideways, of the load at most; distance over which it falls
+REST = 0.15               #: of the contact's level: what an array that is never at zero reads at rest at most
+UNEVEN, UNEVEN_SHARE = (0.4, 1.2), 0.4  #: log of foreign objects' pressure from place to place; share of such ones
+FRAGMENT = 12              #: taxels of a foreign contact at least: fewer of them show no form
+LEAF = (0.58, 0.74)       #: share of its box that a pointed foreign figure fills: a triangle fills less, a bar more
 
 
 class Touch(NamedTuple):
@@ -57,7 +63,8 @@ def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms
         frame = read_by(rng, touch, on_off)
         pattern = pattern_beside(rng, frame, on_off)
         mask = joined(pattern) if pattern.contacts else pattern.mask
-        if pattern.mask.sum() >= SMALLEST and (touch.covered[mask] > 0.2).mean() > 0.8:
+        least = FRAGMENT if touch.label == UNKNOWN else SMALLEST
+        if pattern.mask.sum() >= least and (touch.covered[mask] > 0.2).mean() > 0.8:
             found.append((pattern, mask, touch.label))
     return samples_from(found)
 
@@ -80,6 +87,8 @@ def random_touch(rng: np.random.Generator, unlike: Forms | None) -> Touch | None
     v = (y - y0) * np.cos(angle) - (x - x0) * np.sin(angle)
     depth = _depth(rng, label, u, v, area, max(rows, cols), unlike)
     pressure = _profile(rng, label, depth, u, v)
+    if label == UNKNOWN and rng.random() < UNEVEN_SHARE:  # its outline at half of the peak is a fragment of it
+        pressure = pressure * np.exp(rng.uniform(*UNEVEN) * _smooth(rng, depth.shape, 0.35 * np.sqrt(area)))
     inner = slice(margin * FINER, -margin * FINER), slice(margin * FINER, -margin * FINER)
     if not _is_decided(label, depth >= 0, inner, u, v):
         return None
@@ -91,9 +100,10 @@ def read_by(rng: np.random.Generator, touch: Touch, on_off: bool) -> np.ndarray:
     shape = touch.pressure.shape
     blurred = ndimage.gaussian_filter(touch.pressure, rng.uniform(0, 0.9), mode='constant')
     speckle = ndimage.gaussian_filter(rng.standard_normal(shape), scale := rng.choice((0.0, rng.uniform(0.4, 1.2))))
-    speckle *= rng.uniform(0, 0.5) / (speckle.std() + 1e-9) if scale else rng.uniform(0, 0.5)
-    gain = rng.uniform(0, 0.3) * rng.standard_normal(shape)
-    lines = sum(rng.uniform(0, 0.2) * rng.standard_normal(size) for size in ((shape[0], 1), (1, shape[1])))
+    speckle *= rng.uniform(0, SPECKLE) / (speckle.std() + 1e-9) if scale else rng.uniform(0, SPECKLE)
+    gain = rng.uniform(0, GAIN) * rng.standard_normal(shape)
+    lines = sum(rng.uniform(0, LINE_GAIN) * rng.standard_normal(size) for size in ((shape[0], 1), (1, shape[1])))
+    blurred = blurred + rng.choice((0.0, rng.uniform(0, HALO))) * _halo(rng, blurred)
     values = blurred * np.exp(speckle + gain + lines)
     for of_lines in (values, values.T):
         weak = rng.random(len(of_lines)) < rng.choice((0.0, 0.04))
@@ -101,6 +111,7 @@ def read_by(rng: np.random.Generator, touch: Touch, on_off: bool) -> np.ndarray:
     values = _with_cross_talk(rng, values)
     values = np.maximum(values, 0) ** np.exp(rng.uniform(*np.log(RESPONSE)))
     level = rng.uniform(0.1, 1.3)
+    values = values + rng.choice((0.0, 0.0, 0.0, rng.uniform(0, REST))) * rng.uniform(0.4, 1, shape)
     values = level * values + rng.choice((0.0, rng.uniform(0, 0.02))) * rng.standard_normal(shape)
     values[values < rng.choice((0.0, rng.uniform(0, 0.2))) * level] = 0  # what the electronics takes for idle
     if on_off:
@@ -108,6 +119,25 @@ def read_by(rng: np.random.Generator, touch: Touch, on_off: bool) -> np.ndarray:
     steps = rng.choice((255, 4095))
     frame: np.ndarray = np.round(np.clip(values, 0, 1) * steps)
     return frame
+
+
+def _halo(rng: np.random.Generator, load: np.ndarray) -> np.ndarray:
+    """Return what the cover carries to each taxel, by one of five laws of the distance, in sum the load."""
+    down, along = (np.arange(-size + 1, size) for size in load.shape)
+    reach = rng.uniform(*HALO_REACH)
+    away, in_lines = np.hypot(down[:, np.newaxis], along) / reach, np.add.outer(np.abs(down), np.abs(along)) / reach
+    laws = (1 + away ** 2) ** -1.5, (1 + away ** 2) ** -1.0, np.exp(-away), np.exp(-in_lines), np.exp(-away ** 2 / 2)
+    law = laws[rng.integers(len(laws))]
+    found: np.ndarray = signal.fftconvolve(load, law / law.sum(), mode='same')
+    return found
+
+
+def _smooth(rng: np.random.Generator, shape: tuple[int, ...], length: float) -> np.ndarray:
+    """Draw a field of mean 0 and standard deviation 1 at the points, alike over ``length`` [pitches]."""
+    coarse = tuple(max(4, round(size / FINER / length) + 2) for size in shape)
+    field = ndimage.zoom(rng.standard_normal(coarse), np.divide(shape, coarse), order=2)
+    found: np.ndarray = (field - field.mean()) / field.std()
+    return found
 
 
 def _with_cross_talk(rng: np.random.Generator, values: np.ndarray) -> np.ndarray:
@@ -158,21 +188,31 @@ def _sides(rng: np.random.Generator, label: int, area: float, longest: int) -> t
 
 def _foreign_depth(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float, longest: int,
                    unlike: Forms) -> np.ndarray:
+    if rng.random() < 0.25:
+        depth = _whole_foreign_depth(rng, u, v, area, longest, unlike)
+        return depth + rng.uniform(0.05, 0.15) * np.sqrt(area) * _smooth(rng, u.shape, 1.5)  # a ragged rim
+    return _whole_foreign_depth(rng, u, v, area, longest, unlike)
+
+
+def _whole_foreign_depth(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float, longest: int,
+                         unlike: Forms) -> np.ndarray:
     kind = rng.random()
-    if kind < 0.3:
+    if kind < 0.25:
         k, unit = rng.integers(len(unlike.labels)), np.sqrt(area)
         col, row = (unlike.middle[k][axis] + of / unit / unlike.cell[k] for axis, of in ((0, u), (1, v)))
         near = ndimage.map_coordinates(unlike.distance[k].astype(float), (row, col), order=1, cval=-127)
         return near / DISTANCE_STEPS * unit
     width = max(THINNEST, rng.uniform(0.12, 0.4) * np.sqrt(area))
-    if kind < 0.5:
+    if kind < 0.41:
         return _hook(rng, u, v, width, longest)
-    if kind < 0.65:
+    if kind < 0.56:
         return _bow(rng, u, v, width)
-    if kind < 0.75:
+    if kind < 0.66:
         return _stalk(rng, u, v, area)
-    if kind < 0.92:
+    if kind < 0.80:
         return _parts(rng, u, v, area)
+    if kind < 0.93:
+        return _leaf(rng, u, v, area)
     ratio = rng.uniform(1.7, 2.4)  # an oval
     a, b = np.sqrt(area * ratio / np.pi), np.sqrt(area / ratio / np.pi)
     return (1 - np.hypot(u / a, v / b)) * b
@@ -206,6 +246,15 @@ def _stalk(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) 
     blob = radius - np.hypot(u * stretch, v / stretch)
     away = radius * rng.uniform(1.8, 4) * np.exp(1j * rng.uniform(0, 2 * np.pi))
     return np.maximum(blob, _bar(u, v, np.zeros(2), np.array((away.real, away.imag)), radius * rng.uniform(0.4, 1)))
+
+
+def _leaf(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
+    """What two discs have in common: pointed at both ends, its middle bent off the line between them."""
+    ratio = np.exp(rng.uniform(np.log(1.7), np.log(5)))
+    wide = np.sqrt(area / (1.36 * ratio))
+    radius = wide * (ratio ** 2 + 1) / 4
+    bend = rng.uniform(-0.25, 0.25) * wide * np.cos(2 * u / (wide * ratio))
+    return np.min([radius - np.hypot(u, v - bend + side * (radius - wide / 2)) for side in (-1, 1)], axis=0)
 
 
 def _parts(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
@@ -263,7 +312,10 @@ def _is_decided(label: int, inside: np.ndarray, pad: tuple[slice, slice], u: np.
         return max(along, across) >= STOUTEST * min(along, across) and min(along, across) >= THINNEST - 0.3
     if seen.sum() < SEEN_WHOLE[label] * inside.sum():
         return False
-    return label != UNKNOWN or _fill(u[seen], v[seen]) < BARE or _is_oval(u[seen], v[seen])
+    if label != UNKNOWN or _fill(u[seen], v[seen]) < BARE or _is_oval(u[seen], v[seen]):
+        return True
+    longer = max(along, across) > 1.6 * min(along, across)
+    return bool(longer and LEAF[0] < seen.sum() / FINER ** 2 / (along * across) < LEAF[1])
 
 
 def _fill(u: np.ndarray, v: np.ndarray) -> float:

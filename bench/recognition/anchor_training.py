@@ -11,7 +11,7 @@ import torch
 from bench.recognition.anchors import Cnn, ContourTrees
 from training.drawn_by import claim
 from training.mechanics import solution_pool
-from training.pools import Part, draw_parts, forms_of, read_parts
+from training.pools import Part, draw_part, forms_of, read_parts
 from training.samples import UNKNOWN, Samples
 from training.train import MIX, PARTS
 
@@ -67,7 +67,7 @@ def anchor_samples(on_off: bool, folder: Path, share: float) -> Samples:
     """Return the training samples of the five classes."""
     wanted = [Part('on_off' if on_off else 'graded', pool, number)
               for pool, count in parts_of(share).items() for number in range(count)]
-    for _ in draw_parts(folder, wanted):
-        pass
+    for part in wanted:
+        draw_part(folder, part)
     samples = read_parts(folder, wanted)
     return Samples(*(array[samples.labels != UNKNOWN] for array in samples))

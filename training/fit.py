@@ -1,0 +1,77 @@
+"""One training of the recogniser's network, which can be interrupted: it goes on as if it had not been."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch.nn import functional
+
+from training.model import Model
+from training.samples import UNKNOWN, Samples
+
+#: samples of each pool in a batch
+MIX = {'bulk': 150, 'large': 60, 'faulty': 130, 'foreign': 112, 'blemish': 40, 'mechanics': 70, 'noise': 12,
+       'hidden': 50, 'real': 200}
+FOREIGN_WEIGHT = 0.5
+RATE, DECAY, AVERAGED = 2e-3, 1e-3, 0.998
+STATES = 'model', 'average', 'optimiser'
+
+
+def batches(pools: dict[str, Samples], rng: np.random.Generator):
+    """Yield images, geometry and labels of one batch after the other."""
+    while True:
+        chosen = [(pools[name], rng.integers(len(pools[name].labels), size=size)) for name, size in MIX.items()]
+        images, geometry = zip(*(pool.inputs(which) for pool, which in chosen))
+        labels = np.concatenate([pool.labels[which] for pool, which in chosen])
+        yield tuple(map(torch.as_tensor, (np.concatenate(images), np.concatenate(geometry), labels)))
+
+
+def loss_of(found: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+    """Log-loss of the class of known shapes, and of being known or not."""
+    known = labels != UNKNOWN
+    foreign = functional.binary_cross_entropy_with_logits(found[:, UNKNOWN], (~known).float())
+    return functional.cross_entropy(found[known, :UNKNOWN], labels[known]) + FOREIGN_WEIGHT * foreign
+
+
+class Fit:
+    """A training under way, by AdamW with a rate falling like a cosine; ``average``: the running average of weights."""
+
+    def __init__(self, pools: dict[str, Samples], steps: int, seed: int):
+        geometry = np.concatenate([pool.geometry[:5000] for pool in pools.values()])
+        torch.manual_seed(seed)
+        self.steps, self.done, self.rng = steps, 0, np.random.default_rng(seed)
+        self.batches = batches(pools, self.rng)
+        model = Model(geometry.mean(0), geometry.std(0) + 1e-3)
+        self.model, self.average = (each.to(memory_format=torch.channels_last)
+                                    for each in (model, copy.deepcopy(model)))
+        self.optimiser = torch.optim.AdamW(self.model.parameters(), RATE, weight_decay=DECAY)
+
+    def step(self) -> float:
+        """Learn from one batch; return its loss."""
+        images, geometry, labels = next(self.batches)
+        rate = RATE * min(1, (self.done + 1) / 300) * (0.5 + 0.5 * np.cos(np.pi * self.done / self.steps) + 0.005)
+        self.optimiser.param_groups[0]['lr'] = rate
+        loss = loss_of(self.model(images.contiguous(memory_format=torch.channels_last), geometry), labels)
+        self.optimiser.zero_grad()
+        loss.backward()
+        self.optimiser.step()
+        with torch.no_grad():
+            torch._foreach_lerp_(list(self.average.parameters()), list(self.model.parameters()),
+                                 1 - min(AVERAGED, 1 - 1 / (self.done + 1)))
+        self.done += 1
+        return loss.item()
+
+    def write(self, path: Path) -> None:
+        """Write all that the next step depends on."""
+        unfinished = path.with_suffix('.unfinished')
+        torch.save({'done': self.done, 'generator': self.rng.bit_generator.state,
+                    **{name: getattr(self, name).state_dict() for name in STATES}}, unfinished)
+        unfinished.rename(path)
+
+    def read(self, path: Path) -> None:
+        """Go on from what `write` wrote."""
+        kept = torch.load(path, weights_only=False)
+        self.done, self.rng.bit_generator.state = kept['done'], kept['generator']
+        for name in STATES:
+            getattr(self, name).load_state_dict(kept[name])
