@@ -15,6 +15,7 @@ from tactile_node.shape.patch import joined, make_patch
 from tactile_node.simulator.world import random_contact
 from training.batch import draw_forms
 from training.blemishes import BLEMISHES
+from training.code_digest import code_digest
 from training.drawn_by import claim
 from training.families import FAMILIES
 from training.forms import labels_of, make_forms
@@ -94,3 +95,16 @@ def test_samples_of_another_code_are_not_read(tmp_path):
     (tmp_path / 'samples' / 'drawn_by').unlink()
     with pytest.raises(ConfigurationError, match='unknown'):
         claim(tmp_path / 'samples')
+
+
+@pytest.mark.parametrize(('source', 'is_same'), [
+    ('def f():\n    return 1  # one\n', True),
+    ('"""Text."""\n\n\ndef f():\n    """Return one."""\n    return 1\n', True),
+    ('def f():\n    return 2\n', False),
+    ('def g():\n    return 1\n', False)])
+def test_only_code_changes_the_digest(source, is_same, tmp_path):
+    paths = [tmp_path / 'before.py', tmp_path / 'after.py']
+    paths[0].write_text('def f():\n    return 1\n')
+    paths[1].write_text(source)
+    before, after = (code_digest([path]) for path in paths)
+    assert (before == after) == is_same

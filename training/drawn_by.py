@@ -1,9 +1,9 @@
 """Record which version of the code drew the samples in a folder."""
 
-from hashlib import sha256
 from pathlib import Path
 
 from tactile_node.errors import ConfigurationError
+from training.code_digest import code_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 DRAWING = ('training', 'training/ground_truth',
@@ -28,5 +28,4 @@ def claim(folder: Path) -> None:
 
 def _digest() -> str:
     """Return a short digest of all code on which samples and networks depend."""
-    paths = sorted(path for folder in DRAWING for path in (ROOT / folder).glob('*.py'))
-    return sha256(b''.join(path.read_bytes() for path in paths)).hexdigest()[:12]
+    return code_digest(path for folder in DRAWING for path in (ROOT / folder).glob('*.py'))

@@ -1,12 +1,12 @@
 """Store solved indenters on disk. Solving a pool takes a minute, so all training runs read the same file."""
 
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
 from tactile_node.simulator import world
 from tactile_node.taxel_frame import read_only
+from training.code_digest import code_digest
 from training.ground_truth import contact_solver, half_space, indenters, mechanics
 from training.ground_truth.mechanics import Solution
 
@@ -17,7 +17,7 @@ def source_digest() -> str:
     """Return a short digest of the solver's code. A pool from another version of the code is not read."""
     own = Path(__file__).with_name('mechanics.py')
     paths = [own, *(Path(module.__file__) for module in (contact_solver, half_space, indenters, mechanics, world))]
-    return sha256(b''.join(path.read_bytes() for path in paths)).hexdigest()[:12]
+    return code_digest(paths)
 
 
 def write_solutions(path: Path, solutions: list[Solution]) -> None:

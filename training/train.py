@@ -30,10 +30,10 @@ from training.model import Model
 from training.pools import FORMS, Part, draw_part, forms_of, read_parts
 
 #: parts of about 10,000 samples of each pool
-PARTS = {'bulk': 12, 'large': 5, 'faulty': 9, 'foreign': 7, 'blemish': 3, 'mechanics': 6, 'noise': 1,
-         'hidden': 5, 'real': 14}
+PARTS = {'bulk': 24, 'large': 10, 'faulty': 18, 'foreign': 14, 'blemish': 6, 'mechanics': 12, 'noise': 2,
+         'hidden': 10, 'real': 28}
 SHARED = *FORMS, 'indenters', 'indenters of validation'  #: what both networks are trained on, drawn first
-STEPS = 14_000
+STEPS = 24_000
 KEPT = 1000  #: steps after which a training is written to disk, to go on from there
 SHIPPED = Path('config/recogniser.npz')
 
