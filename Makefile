@@ -145,7 +145,7 @@ grasps: setup  ## grasps in physics, counted, by four ways to close (over an hou
 		|| $(BIN)/python -m pip install --disable-pip-version-check --quiet -r requirements/bench_physics.txt
 	@OMP_NUM_THREADS=1 $(BIN)/python bench/bench_grasps.py --starts $(or $(STARTS),10)
 
-train: $(BENCH_VENV)/.installed  ## train the shape recogniser again (under two hours on one core; JOBS=2: on two)
+train: $(BENCH_VENV)/.installed  ## train the shape recogniser again (hours; goes on where it was; JOBS=2: on two cores)
 	@$(BENCH_VENV)/bin/python -m training.train --output config/recogniser.npz --jobs $(or $(JOBS),1)
 
 reproduce: setup  ## the paper's figures and claims beside ours, on one page in reproduction/
