@@ -2,7 +2,7 @@
 
 python -m training.background --output config/teach_background.npz
 
-The patches are a random choice from the samples on which the networks were trained, from all pools except ``real``.
+The patches are drawn at random from the samples used to train the networks, from all pools except ``real``.
 Their levels are stored in 16 steps, so that the file is small enough to be installed. `tactile teach` reads the file.
 """
 
@@ -37,8 +37,8 @@ def chosen(folder: Path, kind: str) -> dict[str, np.ndarray]:
     Returns
     -------
     dict of str to np.ndarray
-        Levels with two cells in a byte, unseen cells with eight cells in a byte, scales [taxels] and labels. Each name
-        begins with the kind.
+        Levels (two cells per byte), unseen cells (eight cells per byte), scales [taxels] and labels. Each name begins
+        with the kind.
     """
     rng, found = generator(Purpose.TRAINING, SEED + KINDS.index(kind)), []
     for pool, count in COUNTS.items():

@@ -1,4 +1,4 @@
-"""Train one network of the recogniser. An interrupted training can be resumed without any effect on the result."""
+"""Train one network of the recogniser. An interrupted training can be resumed and gives the same result."""
 
 import copy
 from pathlib import Path
@@ -13,9 +13,9 @@ from training.samples import UNKNOWN, Samples
 #: Number of samples from each pool in a batch.
 MIX = {'bulk': 150, 'large': 60, 'faulty': 130, 'foreign': 112, 'blemish': 40, 'mechanics': 70, 'noise': 12,
        'hidden': 50, 'real': 200}
-FOREIGN_WEIGHT = 0.5  #: Weight of the loss for the decision between known and foreign shapes.
+FOREIGN_WEIGHT = 0.5  #: Weight of the loss term that separates known and foreign shapes.
 
-#: Highest learning rate, weight decay, and largest weight of the previous average in the running average.
+#: Peak learning rate, weight decay, and largest decay factor of the averaged weights.
 RATE, DECAY, AVERAGED = 2e-3, 1e-3, 0.998
 
 #: Attributes of `Fit` whose state is written to disk.
@@ -23,9 +23,9 @@ STATES = 'model', 'average', 'optimiser'
 
 
 def batches(pools: dict[str, Samples], rng: np.random.Generator):
-    """Yield the images, geometry and labels of batches without end.
+    """Yield an endless series of batches, each with images, geometry and labels.
 
-    Each batch is a random draw from all pools, with the number of samples per pool in MIX.
+    The samples of each batch are chosen at random. MIX gives the number of samples from each pool.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def batches(pools: dict[str, Samples], rng: np.random.Generator):
 def loss_of(found: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
     """Return the loss of a batch.
 
-    The loss is the cross-entropy over the classes of the known shapes, plus a weighted cross-entropy for the decision
+    The loss has two terms: the cross-entropy over the known classes, and a weighted cross-entropy for the decision
     between known and foreign shapes.
 
     Parameters
@@ -72,7 +72,8 @@ def loss_of(found: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
 class Fit:
     """A training in progress.
 
-    The optimiser is AdamW. The learning rate rises linearly during the first 300 steps and decays like a cosine.
+    The optimiser is AdamW. The learning rate rises linearly during the first 300 steps and follows a
+    cosine decay.
 
     Parameters
     ----------
@@ -88,9 +89,9 @@ class Fit:
     done : int
         Number of completed steps.
     model : Model
-        The network that the optimiser changes.
+        The network being trained.
     average : Model
-        The network with the running average of the weights. This network is the result of the training.
+        A copy of the network with the running average of the weights. This copy is the result of the training.
     """
 
     def __init__(self, pools: dict[str, Samples], steps: int, seed: int):
@@ -119,7 +120,7 @@ class Fit:
         return loss.item()
 
     def write(self, path: Path) -> None:
-        """Write the state of the training to a file, including everything on which the next step depends.
+        """Write the complete state of the training to a file, so that the training can be resumed.
 
         The file replaces the previous one only after it is complete.
         """

@@ -13,7 +13,7 @@ HIDDEN = (128, 64)      #: Number of outputs of each hidden dense layer.
 
 
 class Model(nn.Module):
-    """The network for training. It computes the same function as tactile_node.shape.network.
+    """PyTorch version of tactile_node.shape.network, for training.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Draw the training samples in parts with fixed seeds and store them, so that every training can read them again."""
+"""Draw the training samples in parts with fixed seeds, and store them so that later trainings can reuse them."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -24,13 +24,13 @@ LARGE = ((30, 110, 30), (60, 300, 46), (300, 4300, 68), (60, 110, 36))
 FOREIGN_AREAS = ((14, 40, 24, 0.12), (40, 110, 34, 0.55), (110, 400, 54, 0.26), (400, 3000, 70, 0.07))
 BLEMISH_AREAS = ((16, 60, 30, 0.1), (60, 150, 36, 0.45), (150, 400, 52, 0.37), (400, 3000, 70, 0.08))
 
-#: Usual and larger range of the areas of contacts computed by contact mechanics [taxels].
+#: Areas [taxels] of contacts computed by contact mechanics: the usual range, and the range for larger contacts.
 MECHANICS_AREAS = (8.0, 130.0), (60.0, 600.0)
-WIDE = 0.2  #: Fraction of the contacts computed by contact mechanics whose areas have the larger range.
+WIDE = 0.2  #: Fraction of the contacts computed by contact mechanics that are drawn from the second range.
 
 #: Fraction of the blemished figures whose blemish is so large that they are foreign.
 FOREIGN_BLEMISHES = 0.35
-FORMS = {'foreign': 4000, 'blemish': 1600}  #: Number of figures in each pool.
+FORMS = {'foreign': 4000, 'blemish': 1600}  #: Number of figures drawn for each pool.
 FORMS_SEED = 700_000
 KIND_SEED = {'on_off': 500_000, 'graded': 600_000}
 

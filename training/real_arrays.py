@@ -1,4 +1,4 @@
-"""Draw contacts as real arrays show them: with unequal gains, speckle, halos, cross-talk, and cuts by the pad's edge.
+"""Draw contacts as real arrays measure them: with unequal gains, speckle, halos and cross-talk, and cut by pad edges.
 
 The contacts include bars and the rims of hollow objects. The ranges are wider than those measured on any real array
 (docs/recognition/real_arrays.md), because the users' skins are unknown.
@@ -22,58 +22,58 @@ from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, samples_from
 from training.segmentation import pattern_beside
 
 PADS = ((13, 6), (14, 6), (8, 8), (10, 18), (16, 16), (12, 32), (28, 50), (40, 40))  #: Rows and columns of the pads.
-FINER = 3        #: Number of points along each side of a taxel at which the contact is computed.
+FINER = 3        #: Number of sampling points along each side of a taxel.
 CIRCLE, SQUARE, RECTANGLE, RIGHT, ISOSCELES = range(UNKNOWN)
 
-#: Share of each label among the contacts drawn. A contact whose visible part does not show its class is drawn again.
+#: Share of each label among the drawn contacts. A contact whose visible part does not show its class is drawn again.
 SHARES = (0.2, 0.13, 0.17, 0.06, 0.06, 0.38)
 LEAST = (8.0, 25.0, 9.0, 30.0, 30.0, 14.0)  #: For each label, the smallest area and smallest visible area [taxels].
 MOST = 500.0     #: Largest area [taxels].
 OF_PAD = 0.6     #: Largest area, as a share of the pad's area.
 
-#: Smallest visible share of a contact with this label.
+#: For each label, the smallest share of the contact that must lie on the pad.
 SEEN_WHOLE = {CIRCLE: 0.65, SQUARE: 0.9, RIGHT: 0.93, ISOSCELES: 0.93, UNKNOWN: 0.5}
 
 #: Largest ratio of length to width of a bar, and smallest ratio for the visible part of a rectangle.
 SLIMMEST, STOUTEST = 30.0, 1.4
 THINNEST = 1.7   #: Smallest width of a bar [pitches].
 
-#: Upper limit of a foreign figure's area, relative to the bar with the same second moments. Fuller figures could be
+#: Upper limit of a foreign figure's area, relative to a bar with the same second moments. Fuller figures could be
 #: mistaken for bars and are used only if they are oval or pointed.
 BARE = 0.8
 HOLLOW = 0.3     #: Fraction of hollow contacts among circles, squares and rectangles that have room for a rim.
-DOMES = (0.65, 0.2, 0.5, 0.0, 0.0, 0.4)  #: For each label, the fraction of contacts whose pressure is domed.
+DOMES = (0.65, 0.2, 0.5, 0.0, 0.0, 0.4)  #: Fraction of contacts with a domed pressure, for each label.
 
-#: Largest logarithm of the axis ratio of a ball's contact on a curved finger, and smallest ratio of length to width of
-#: the contact under a cylinder on its side.
+#: BALL is the largest logarithm of the axis ratio when a ball touches a curved finger. CYLINDER is the smallest ratio
+#: of length to width when a cylinder lies on its side.
 BALL, CYLINDER = 0.32, 2.2
 THINNEST_WALL = 1.3  #: Smallest width of a hollow object's rim [pitches].
 
-#: Range of the exponent. A reading is the pressure to the power of this exponent. On a Weiss hand, the sum of the
-#: readings is proportional to the weight to the power 1.64.
+#: Range of the exponent in the power law from pressure to reading. On a Weiss hand, the sum of the readings is
+#: proportional to the weight to the power 1.64.
 RESPONSE = (0.8, 1.8)
 OVERLAP = 0.8    #: Upper limit of a foreign figure's overlap with each of the five shapes.
 
 #: Largest standard deviations of the logarithms of the taxels' gains, the lines' gains and the speckle.
 GAIN, LINE_GAIN, SPECKLE = 0.45, 0.3, 0.5
 
-#: Largest share of the load that the cover carries sideways, and range of the distance over which this share falls
-#: [pitches].
+#: Largest load that the cover carries sideways, relative to the direct load, and range of the distance over which it
+#: falls off [pitches].
 HALO, HALO_REACH = 1.0, (1.0, 4.0)
 REST = 0.15      #: Largest reading at rest on an array that never reads zero, relative to the contact's level.
 
-#: Range of the standard deviation of the logarithm of an uneven pressure, and fraction of foreign contacts whose
-#: pressure is uneven.
+#: Some foreign objects press unevenly. UNEVEN is the range of the standard deviation of their log pressure, and
+#: UNEVEN_SHARE is their share of the foreign contacts.
 UNEVEN, UNEVEN_SHARE = (0.4, 1.2), 0.4
-FRAGMENT = 12    #: Smallest number of taxels in a foreign contact. A smaller contact does not show its form.
+FRAGMENT = 12    #: Smallest number of taxels in a foreign contact. The shape of a smaller contact is not visible.
 
-#: Range of the share of its bounding box that a pointed foreign figure fills. A triangle fills less, and a bar fills
-#: more.
+#: A long foreign figure counts as pointed if it fills a share of its bounding box within this range. A triangle fills
+#: less, and a bar fills more.
 LEAF = (0.58, 0.74)
 
 
 class Touch(NamedTuple):
-    """A contact on a pad whose edges may cut it."""
+    """A contact on a pad. The edges of the pad may cut off part of the contact."""
 
     pressure: np.ndarray  #: (rows, cols), relative to the contact's level
     covered: np.ndarray   #: (rows, cols), covered fraction of each taxel
@@ -81,7 +81,7 @@ class Touch(NamedTuple):
 
 
 def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms | None = None) -> Samples:
-    """Draw samples of contacts as real arrays show them.
+    """Draw samples of contacts as real arrays measure them.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def random_touch(rng: np.random.Generator, unlike: Forms | None) -> Touch | None
     v = (y - y0) * np.cos(angle) - (x - x0) * np.sin(angle)
     depth = _depth(rng, label, u, v, area, max(rows, cols), unlike)
     pressure = _profile(rng, label, depth, u, v)
-    if label == UNKNOWN and rng.random() < UNEVEN_SHARE:  # at half of the peak, the outline shows only a fragment
+    if label == UNKNOWN and rng.random() < UNEVEN_SHARE:  # a threshold at half of the peak leaves a fragment
         pressure = pressure * np.exp(rng.uniform(*UNEVEN) * _smooth(rng, depth.shape, 0.35 * np.sqrt(area)))
     inner = slice(margin * FINER, -margin * FINER), slice(margin * FINER, -margin * FINER)
     if not _is_decided(label, depth >= 0, inner, u, v):
@@ -184,7 +184,7 @@ def read_by(rng: np.random.Generator, touch: Touch, on_off: bool) -> np.ndarray:
     level = rng.uniform(0.1, 1.3)
     values = values + rng.choice((0.0, 0.0, 0.0, rng.uniform(0, REST))) * rng.uniform(0.4, 1, shape)
     values = level * values + rng.choice((0.0, rng.uniform(0, 0.02))) * rng.standard_normal(shape)
-    values[values < rng.choice((0.0, rng.uniform(0, 0.2))) * level] = 0  # the electronics treats low readings as idle
+    values[values < rng.choice((0.0, rng.uniform(0, 0.2))) * level] = 0  # the electronics reports low readings as zero
     if on_off:
         return (values >= rng.uniform(0.25, 0.6) * level).astype(float)
     steps = rng.choice((255, 4095))
@@ -195,7 +195,7 @@ def read_by(rng: np.random.Generator, touch: Touch, on_off: bool) -> np.ndarray:
 def _halo(rng: np.random.Generator, load: np.ndarray) -> np.ndarray:
     """Return the load that the cover carries sideways to each taxel.
 
-    The load decreases with the distance by one of five laws. The weights of each law add up to 1.
+    The load falls off with distance by one of five laws. The weights of each law add up to 1.
     """
     down, along = (np.arange(-size + 1, size) for size in load.shape)
     reach = rng.uniform(*HALO_REACH)
@@ -302,7 +302,7 @@ def _whole_foreign_depth(rng: np.random.Generator, u: np.ndarray, v: np.ndarray,
 
 
 def _hook(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float, longest: int) -> np.ndarray:
-    """Return the distances for a bar with one or two bends."""
+    """Return the distance field of a bar with one or two bends."""
     turn = rng.choice((-1, 1)) * rng.uniform(0.6, 2.4)
     arms = rng.uniform(2.2, 7) * width, np.exp(rng.uniform(np.log(2.2 * width), np.log(max(3 * width, longest))))
     points = [np.zeros(2), arms[0] * np.array((np.cos(turn), np.sin(turn))), np.array((arms[1], 0.0))]
@@ -314,10 +314,10 @@ def _hook(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float, 
 
 
 def _bow(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float) -> np.ndarray:
-    """Return the distances for a bent bar.
+    """Return the distance field of a bent bar.
 
-    The bar is an arc of at most about three fifths of a ring. The middle of the arc is at least 0.8 of the bar's width
-    away from the chord.
+    The bar is an arc of at most about three fifths of a ring. The arc rises above its chord by at least 0.8 times the
+    width of the bar.
     """
     radius = np.exp(rng.uniform(np.log(1.6), np.log(16))) * width
     half = rng.uniform(np.arccos(1 - 0.8 * width / radius), 1.9)
@@ -328,7 +328,7 @@ def _bow(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float) -
 
 
 def _stalk(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
-    """Return the distances for a round or oval blob with a bar extending from it."""
+    """Return the distance field of a round or oval blob with a bar extending from it."""
     radius, stretch = 0.45 * np.sqrt(area), np.exp(rng.uniform(0, 0.4))
     blob = radius - np.hypot(u * stretch, v / stretch)
     away = radius * rng.uniform(1.8, 4) * np.exp(1j * rng.uniform(0, 2 * np.pi))
@@ -336,9 +336,9 @@ def _stalk(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) 
 
 
 def _leaf(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
-    """Return the distances for a leaf.
+    """Return the distance field of a leaf.
 
-    A leaf is the intersection of two discs. It is pointed at both ends, and its middle line is bent.
+    A leaf is the intersection of two discs, with points at both ends and a bent middle line.
     """
     ratio = np.exp(rng.uniform(np.log(1.7), np.log(5)))
     wide = np.sqrt(area / (1.36 * ratio))
@@ -348,7 +348,7 @@ def _leaf(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -
 
 
 def _parts(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
-    """Return the distances for two to five neighbouring ovals, such as bumps on a rock or the jaws of a tool."""
+    """Return the distance field of two to five neighbouring ovals, such as bumps on a rock or the jaws of a tool."""
     count = int(rng.integers(2, 6))
     size, place, parts = np.sqrt(area / count), np.zeros(2), []
     for _ in range(count):
@@ -371,8 +371,8 @@ def _bar(u: np.ndarray, v: np.ndarray, start: np.ndarray, end: np.ndarray, width
 def _profile(rng: np.random.Generator, label: int, depth: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return the pressure at each point.
 
-    The pressure is flat, domed, higher or lower at the rim, or mainly on the rim of a hollow object. Most contacts are
-    also tilted.
+    The pressure is flat, domed, higher or lower at the rim, or mainly on the rim of a hollow object. In most
+    contacts, the pressure also increases towards one side.
     """
     inside, deepest = depth >= 0, max(float(depth.max()), 1e-3)
     share = np.clip(depth / deepest, 0, 1)
@@ -384,7 +384,7 @@ def _profile(rng: np.random.Generator, label: int, depth: np.ndarray, u: np.ndar
     else:
         pressure = inside * (1 + rng.uniform(-0.3, 0.6) * (1 - share) ** 2)
     towards, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0, 1.2) * (rng.random() < 0.7)
-    # bars are often held at one end, and the pressure then changes along them
+    # a bar is often held at one end, so the pressure often changes along it
     towards = towards if label != RECTANGLE or rng.random() < 0.5 else 0.0
     rise = np.cos(towards) * u + np.sin(towards) * v
     found: np.ndarray = pressure * np.exp(tilt * rise / max(2 * float(rise[inside].std()), 0.5))
@@ -392,7 +392,7 @@ def _profile(rng: np.random.Generator, label: int, depth: np.ndarray, u: np.ndar
 
 
 def _fits_lengthwise(inside: np.ndarray, deepest: float) -> bool:
-    """Return True if a bar is slim enough for the contact of a cylinder on its side."""
+    """Return True if a bar is slim enough to be the contact of a cylinder on its side."""
     return bool(inside.sum() / FINER ** 2 > CYLINDER * (2 * deepest) ** 2)
 
 
@@ -414,7 +414,7 @@ def _is_decided(label: int, inside: np.ndarray, pad: tuple[slice, slice], u: np.
 
 
 def _fill(u: np.ndarray, v: np.ndarray) -> float:
-    """Return the area of the points, relative to the bar with the same second moments."""
+    """Return the area of the points, relative to the area of a bar with the same second moments."""
     spread = np.cov(u, v)
     return float(len(u) / FINER ** 2 / (12 * np.sqrt(max(np.linalg.det(spread), 1e-9))))
 

@@ -37,7 +37,7 @@ PARTS = {'bulk': 24, 'large': 10, 'faulty': 18, 'foreign': 14, 'blemish': 6, 'me
 #: Figures and indenters that both networks need. They are drawn before the samples.
 SHARED = *FORMS, 'indenters', 'indenters of validation'
 STEPS = 24_000
-KEPT = 1000  #: Number of steps after which the state of a training is written to disk.
+KEPT = 1000  #: Number of steps between two saved states of a training.
 SHIPPED = Path('config/recogniser.npz')
 
 
@@ -58,7 +58,7 @@ def exported(model: Model, kind: str, seed: int, folder: Path) -> dict[str, np.n
     Returns
     -------
     dict of str to np.ndarray
-        Arrays for the file of weights. Each name begins with the kind.
+        Arrays for the weights file. Each name begins with the kind.
     """
     found = calibrated(validation(model, kind == 'on_off', seed, folder))
     arrays = {f'{kind}_{name}': array for name, array in model.arrays().items()}
@@ -102,7 +102,7 @@ def trained(kind: str, args: argparse.Namespace) -> tuple[dict[str, np.ndarray],
 
 
 def parts(share: float) -> list[Part]:
-    """Return the parts of the samples for both networks, with the slowest parts first.
+    """Return the parts needed for both networks. The parts that take longest to draw come first.
 
     Parameters
     ----------
