@@ -1,4 +1,4 @@
-"""Identify a version of the code by what it does, regardless of its comments and docstrings."""
+"""Identify a version of the code, regardless of its comments and docstrings."""
 
 import ast
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from pathlib import Path
 def code_digest(paths: Iterable[Path]) -> str:
     """Return a short digest of the code in Python files.
 
-    Comments, docstrings and layout do not change the digest, so that samples survive an edit of the texts.
+    The digest ignores comments, docstrings and layout. Drawn samples therefore stay valid if only texts are edited.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def code_digest(paths: Iterable[Path]) -> str:
     Raises
     ------
     SyntaxError
-        Raised if a file is not Python code.
+        Raised if a file is not valid Python code.
     """
     return sha256('\n'.join(map(_code, sorted(paths))).encode()).hexdigest()[:12]
 

@@ -1,4 +1,4 @@
-"""The recogniser's network in torch, and from there to arrays."""
+"""Define the recogniser's network in PyTorch, and convert its weights to arrays."""
 
 import numpy as np
 import torch
@@ -8,12 +8,22 @@ from tactile_node.shape.invariants import COUNT
 from tactile_node.shape.network import STRIDE, TAPS
 from tactile_node.shape.patch import SIDE
 
-CHANNELS = (2, 24, 48)
-HIDDEN = (128, 64)
+CHANNELS = (2, 24, 48)  #: Number of channels in the images, and after each convolution.
+HIDDEN = (128, 64)      #: Number of outputs of each hidden dense layer.
 
 
 class Model(nn.Module):
-    """The same computation as tactile_node.shape.network, for training."""
+    """PyTorch version of tactile_node.shape.network, for training.
+
+    Parameters
+    ----------
+    middle : np.ndarray
+        Mean of the geometry, (COUNT,).
+    spread : np.ndarray
+        Standard deviation of the geometry, (COUNT,).
+    outputs : int
+        Number of outputs.
+    """
 
     def __init__(self, middle: np.ndarray, spread: np.ndarray, outputs: int = 6):
         super().__init__()
@@ -26,6 +36,20 @@ class Model(nn.Module):
         self.register_buffer('spread', torch.as_tensor(spread))
 
     def forward(self, images: torch.Tensor, geometry: torch.Tensor) -> torch.Tensor:
+        """Return the logits of K contacts.
+
+        Parameters
+        ----------
+        images : torch.Tensor
+            (K, channels, SIDE, SIDE).
+        geometry : torch.Tensor
+            (K, COUNT).
+
+        Returns
+        -------
+        torch.Tensor
+            (K, outputs).
+        """
         for convolution in self.convolutions:
             images = torch.relu(convolution(images))
         standard = torch.clamp((geometry - self.middle) / self.spread, -5, 5)
@@ -35,10 +59,14 @@ class Model(nn.Module):
         return self.dense[-1](flow)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The weights as network.Network takes them, channels last; float16 keeps the file small."""
+        """Return the weights in the layout of network.Network, with the channels last.
+
+        The weights are converted to float16 to keep the file small. The arrays ``middle`` and ``spread`` keep their
+        type.
+        """
         found = {}
         for layer, convolution in enumerate(self.convolutions):
-            weight = convolution.weight.detach().numpy()  # out, in, row, col
+            weight = convolution.weight.detach().numpy()  # axes: output, input, row, column
             found[f'kernel{layer}'] = weight.transpose(2, 3, 1, 0).reshape(-1, weight.shape[0])
             found[f'bias{layer}'] = convolution.bias.detach().numpy()
         for layer, dense in enumerate(self.dense, len(self.convolutions)):
@@ -50,7 +78,7 @@ class Model(nn.Module):
 
 
 def _channels_last(weight: np.ndarray) -> np.ndarray:
-    """The first dense layer's inputs from (channel, row, col) to (row, col, channel) order."""
+    """Reorder the inputs of the first dense layer from (channel, row, column) to (row, column, channel)."""
     channels, side = CHANNELS[-1], SIDE // 4
     image = weight[:, :-COUNT].reshape(-1, channels, side, side).transpose(0, 2, 3, 1)
     return np.concatenate((image.reshape(len(weight), -1), weight[:, -COUNT:]), 1)

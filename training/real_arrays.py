@@ -1,8 +1,11 @@
-"""Contacts as real arrays show them: unlike gains, speckle, halos, cross-talk, rims, bars, cut by an edge.
+"""Draw contacts as real arrays measure them: with unequal gains, speckle, halos and cross-talk, and cut by pad edges.
 
-Ranges are wider than on any array seen (docs/recognition/real_arrays.md), because a user's skin is one that nobody here
-has seen. What is labelled is what is seen: a bar that leaves the pad is a rectangle, a disc of which a half is seen has
-no label. Lengths in taxel pitches, pressures as fractions of full scale.
+The contacts include bars and the rims of hollow objects. The ranges are wider than those measured on any real array
+(docs/recognition/real_arrays.md), because the users' skins are unknown.
+
+A label describes only the visible part of a contact. A bar that extends beyond the pad is a rectangle. A disc that is
+only half visible has no label and is drawn again. Lengths are in taxel pitches, and pressures are fractions of full
+scale.
 """
 
 from typing import NamedTuple
@@ -18,41 +21,80 @@ from training.forms import Forms
 from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, samples_from
 from training.segmentation import pattern_beside
 
-PADS = ((13, 6), (14, 6), (8, 8), (10, 18), (16, 16), (12, 32), (28, 50), (40, 40))  #: rows and columns
-FINER = 3                 #: points a taxel's side at which coverage is counted
+PADS = ((13, 6), (14, 6), (8, 8), (10, 18), (16, 16), (12, 32), (28, 50), (40, 40))  #: Rows and columns of the pads.
+FINER = 3        #: Number of sampling points along each side of a taxel.
 CIRCLE, SQUARE, RECTANGLE, RIGHT, ISOSCELES = range(UNKNOWN)
-SHARES = (0.2, 0.13, 0.17, 0.06, 0.06, 0.38)  #: of the labels drawn; what is not decided is drawn again
-LEAST = (8.0, 25.0, 9.0, 30.0, 30.0, 14.0)  #: areas by label [taxels]
-MOST = 500.0
-OF_PAD = 0.6              #: of the pad's area at most
-SEEN_WHOLE = {CIRCLE: 0.65, SQUARE: 0.9, RIGHT: 0.93, ISOSCELES: 0.93, UNKNOWN: 0.5}  #: least share on the pad
-SLIMMEST, STOUTEST = 30.0, 1.4  #: length to width of a bar; of what is seen of a rectangle at least the latter
-THINNEST = 1.7            #: width of a bar [pitches]
-BARE = 0.8                #: of a bar of equal second moments, the share that a foreign figure covers at most
-HOLLOW = 0.3               #: share of circles, squares and rectangles
-DOMES = (0.65, 0.2, 0.5, 0.0, 0.0, 0.4)  #: shares of contacts that are round on top, by label
-BALL, CYLINDER = 0.32, 2.2  #: stretch of a ball's contact on a curved finger (log); least ratio of a lying cylinder's
-THINNEST_WALL = 1.3       #: of a rim [pitches]
-RESPONSE = (0.8, 1.8)      #: reading by pressure to this power: a Weiss hand's sum of readings is weight to the 1.64
-OVERLAP = 0.8             #: with the best of the five shapes, of foreign figures at most
-GAIN, LINE_GAIN, SPECKLE = 0.45, 0.3, 0.5  #: log of the gains of taxels, lines and patches, standard deviation at most
-HALO, HALO_REACH = 1.0, (1.0, 4.0)  #: load carried sideways, of the load at most; distance over which it falls
-REST = 0.15               #: of the contact's level: what an array that is never at zero reads at rest at most
-UNEVEN, UNEVEN_SHARE = (0.4, 1.2), 0.4  #: log of foreign objects' pressure from place to place; share of such ones
-FRAGMENT = 12              #: taxels of a foreign contact at least: fewer of them show no form
-LEAF = (0.58, 0.74)       #: share of its box that a pointed foreign figure fills: a triangle fills less, a bar more
+
+#: Share of each label among the drawn contacts. A contact whose visible part does not show its class is drawn again.
+SHARES = (0.2, 0.13, 0.17, 0.06, 0.06, 0.38)
+LEAST = (8.0, 25.0, 9.0, 30.0, 30.0, 14.0)  #: For each label, the smallest area and smallest visible area [taxels].
+MOST = 500.0     #: Largest area [taxels].
+OF_PAD = 0.6     #: Largest area, as a share of the pad's area.
+
+#: For each label, the smallest share of the contact that must lie on the pad.
+SEEN_WHOLE = {CIRCLE: 0.65, SQUARE: 0.9, RIGHT: 0.93, ISOSCELES: 0.93, UNKNOWN: 0.5}
+
+#: Largest ratio of length to width of a bar, and smallest ratio for the visible part of a rectangle.
+SLIMMEST, STOUTEST = 30.0, 1.4
+THINNEST = 1.7   #: Smallest width of a bar [pitches].
+
+#: Upper limit of a foreign figure's area, relative to a bar with the same second moments. Fuller figures could be
+#: mistaken for bars and are used only if they are oval or pointed.
+BARE = 0.8
+HOLLOW = 0.3     #: Fraction of hollow contacts among circles, squares and rectangles that have room for a rim.
+DOMES = (0.65, 0.2, 0.5, 0.0, 0.0, 0.4)  #: Fraction of contacts with a domed pressure, for each label.
+
+#: BALL is the largest logarithm of the axis ratio when a ball touches a curved finger. CYLINDER is the smallest ratio
+#: of length to width when a cylinder lies on its side.
+BALL, CYLINDER = 0.32, 2.2
+THINNEST_WALL = 1.3  #: Smallest width of a hollow object's rim [pitches].
+
+#: Range of the exponent in the power law from pressure to reading. On a Weiss hand, the sum of the readings is
+#: proportional to the weight to the power 1.64.
+RESPONSE = (0.8, 1.8)
+OVERLAP = 0.8    #: Upper limit of a foreign figure's overlap with each of the five shapes.
+
+#: Largest standard deviations of the logarithms of the taxels' gains, the lines' gains and the speckle.
+GAIN, LINE_GAIN, SPECKLE = 0.45, 0.3, 0.5
+
+#: Largest load that the cover carries sideways, relative to the direct load, and range of the distance over which it
+#: falls off [pitches].
+HALO, HALO_REACH = 1.0, (1.0, 4.0)
+REST = 0.15      #: Largest reading at rest on an array that never reads zero, relative to the contact's level.
+
+#: Some foreign objects press unevenly. UNEVEN is the range of the standard deviation of their log pressure, and
+#: UNEVEN_SHARE is their share of the foreign contacts.
+UNEVEN, UNEVEN_SHARE = (0.4, 1.2), 0.4
+FRAGMENT = 12    #: Smallest number of taxels in a foreign contact. The shape of a smaller contact is not visible.
+
+#: A long foreign figure counts as pointed if it fills a share of its bounding box within this range. A triangle fills
+#: less, and a bar fills more.
+LEAF = (0.58, 0.74)
 
 
 class Touch(NamedTuple):
-    """A contact on a pad whose edges may cut it."""
+    """A contact on a pad. The edges of the pad may cut off part of the contact."""
 
-    pressure: np.ndarray  #: (rows, cols), about 1 under the contact
-    covered: np.ndarray   #: (rows, cols), of each taxel
-    label: int
+    pressure: np.ndarray  #: (rows, cols), relative to the contact's level
+    covered: np.ndarray   #: (rows, cols), covered fraction of each taxel
+    label: int            #: index into LABELS
 
 
 def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms | None = None) -> Samples:
-    """Draw ``count`` samples; ``foreign``: figures of which those unlike the five shapes are used; None: known ones."""
+    """Draw samples of contacts as real arrays measure them.
+
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Random generator for all properties of the contacts and arrays.
+    count : int
+        Number of samples.
+    on_off : bool
+        True for on/off taxels, False for pressures.
+    foreign : Forms, optional
+        Pool of foreign figures. Only figures that are unlike the five shapes are used. Without a pool, only contacts of
+        the five shapes are drawn.
+    """
     unlike = None if foreign is None else foreign.chosen(
         (foreign.labels == UNKNOWN) & (foreign.overlaps.max(1) < OVERLAP))
     found: list[tuple[ContactPattern, np.ndarray, int]] = []
@@ -70,7 +112,21 @@ def draw_real(rng: np.random.Generator, count: int, on_off: bool, foreign: Forms
 
 
 def random_touch(rng: np.random.Generator, unlike: Forms | None) -> Touch | None:
-    """Draw a contact somewhere on a pad; None where what is seen of it does not decide its class."""
+    """Draw a contact at a random place on a pad.
+
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Random generator for the pad and the contact.
+    unlike : Forms or None
+        Foreign figures that are unlike the five shapes.
+
+    Returns
+    -------
+    Touch or None
+        The contact, or None if its visible part does not show its class. The result is also None if a foreign contact
+        is drawn and ``unlike`` is None.
+    """
     label = int(rng.choice(len(SHARES), p=SHARES))
     if label == UNKNOWN and unlike is None:
         return None
@@ -87,7 +143,7 @@ def random_touch(rng: np.random.Generator, unlike: Forms | None) -> Touch | None
     v = (y - y0) * np.cos(angle) - (x - x0) * np.sin(angle)
     depth = _depth(rng, label, u, v, area, max(rows, cols), unlike)
     pressure = _profile(rng, label, depth, u, v)
-    if label == UNKNOWN and rng.random() < UNEVEN_SHARE:  # its outline at half of the peak is a fragment of it
+    if label == UNKNOWN and rng.random() < UNEVEN_SHARE:  # a threshold at half of the peak leaves a fragment
         pressure = pressure * np.exp(rng.uniform(*UNEVEN) * _smooth(rng, depth.shape, 0.35 * np.sqrt(area)))
     inner = slice(margin * FINER, -margin * FINER), slice(margin * FINER, -margin * FINER)
     if not _is_decided(label, depth >= 0, inner, u, v):
@@ -96,7 +152,22 @@ def random_touch(rng: np.random.Generator, unlike: Forms | None) -> Touch | None
 
 
 def read_by(rng: np.random.Generator, touch: Touch, on_off: bool) -> np.ndarray:
-    """Return what a real array reads of it."""
+    """Return the frame that a real array would measure.
+
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Random generator for the properties of the array.
+    touch : Touch
+        The contact.
+    on_off : bool
+        True for on/off taxels, False for pressures.
+
+    Returns
+    -------
+    np.ndarray
+        (rows, cols), 0 and 1 for on/off taxels, whole counts for pressures.
+    """
     shape = touch.pressure.shape
     blurred = ndimage.gaussian_filter(touch.pressure, rng.uniform(0, 0.9), mode='constant')
     speckle = ndimage.gaussian_filter(rng.standard_normal(shape), scale := rng.choice((0.0, rng.uniform(0.4, 1.2))))
@@ -113,7 +184,7 @@ def read_by(rng: np.random.Generator, touch: Touch, on_off: bool) -> np.ndarray:
     level = rng.uniform(0.1, 1.3)
     values = values + rng.choice((0.0, 0.0, 0.0, rng.uniform(0, REST))) * rng.uniform(0.4, 1, shape)
     values = level * values + rng.choice((0.0, rng.uniform(0, 0.02))) * rng.standard_normal(shape)
-    values[values < rng.choice((0.0, rng.uniform(0, 0.2))) * level] = 0  # what the electronics takes for idle
+    values[values < rng.choice((0.0, rng.uniform(0, 0.2))) * level] = 0  # the electronics reports low readings as zero
     if on_off:
         return (values >= rng.uniform(0.25, 0.6) * level).astype(float)
     steps = rng.choice((255, 4095))
@@ -122,7 +193,10 @@ def read_by(rng: np.random.Generator, touch: Touch, on_off: bool) -> np.ndarray:
 
 
 def _halo(rng: np.random.Generator, load: np.ndarray) -> np.ndarray:
-    """Return what the cover carries to each taxel, by one of five laws of the distance, in sum the load."""
+    """Return the load that the cover carries sideways to each taxel.
+
+    The load falls off with distance by one of five laws. The weights of each law add up to 1.
+    """
     down, along = (np.arange(-size + 1, size) for size in load.shape)
     reach = rng.uniform(*HALO_REACH)
     away, in_lines = np.hypot(down[:, np.newaxis], along) / reach, np.add.outer(np.abs(down), np.abs(along)) / reach
@@ -133,7 +207,10 @@ def _halo(rng: np.random.Generator, load: np.ndarray) -> np.ndarray:
 
 
 def _smooth(rng: np.random.Generator, shape: tuple[int, ...], length: float) -> np.ndarray:
-    """Draw a field of mean 0 and standard deviation 1 at the points, alike over ``length`` [pitches]."""
+    """Draw a random field with mean 0 and standard deviation 1.
+
+    The field changes smoothly over the distance ``length`` [pitches].
+    """
     coarse = tuple(max(4, round(size / FINER / length) + 2) for size in shape)
     field = ndimage.zoom(rng.standard_normal(coarse), np.divide(shape, coarse), order=2)
     found: np.ndarray = (field - field.mean()) / field.std()
@@ -141,7 +218,10 @@ def _smooth(rng: np.random.Generator, shape: tuple[int, ...], length: float) -> 
 
 
 def _with_cross_talk(rng: np.random.Generator, values: np.ndarray) -> np.ndarray:
-    """Add a part of the neighbours in a row or column, and of all the line."""
+    """Add cross-talk along the rows or along the columns.
+
+    Each taxel receives a share of its two neighbours and a share of the highest value in its line.
+    """
     axis, next_to, line = int(rng.integers(2)), rng.uniform(0, 0.15), rng.choice((0.0, rng.uniform(0, 0.06)))
     neighbours = ndimage.convolve1d(values, (1.0, 0.0, 1.0), axis=axis, mode='constant')
     found: np.ndarray = values + next_to * neighbours + line * values.max(axis, keepdims=True)
@@ -149,7 +229,7 @@ def _with_cross_talk(rng: np.random.Generator, values: np.ndarray) -> np.ndarray
 
 
 def _taxels(points: np.ndarray) -> np.ndarray:
-    """Means over the points of each taxel."""
+    """Return the mean over the points of each taxel, (rows, cols)."""
     rows, cols = points.shape[0] // FINER, points.shape[1] // FINER
     means: np.ndarray = points.reshape(rows, FINER, cols, FINER).mean((1, 3))
     return means
@@ -157,7 +237,10 @@ def _taxels(points: np.ndarray) -> np.ndarray:
 
 def _depth(rng: np.random.Generator, label: int, u: np.ndarray, v: np.ndarray, area: float, longest: int,
            unlike: Forms | None) -> np.ndarray:
-    """Distance from the outline, positive inside, about exact near it."""
+    """Return the distance of each point from the outline of a contact, positive inside.
+
+    The distance is nearly exact close to the outline, and approximate elsewhere.
+    """
     if label == CIRCLE:
         stretch = np.exp(rng.uniform(-BALL, BALL) * (area < 60) / 2 + rng.uniform(-0.05, 0.05))
         uneven = 1 + rng.choice((0.0, 0.06)) * np.cos(rng.integers(2, 6) * np.arctan2(v, u) + rng.uniform(0, 6))
@@ -171,7 +254,7 @@ def _depth(rng: np.random.Generator, label: int, u: np.ndarray, v: np.ndarray, a
     if label != UNKNOWN:
         contact = random_contact(rng, LABELS[label], area, rows=1, cols=1)
         return contact.depth(u + contact.x, v + contact.y)
-    assert unlike is not None  # random_touch draws no foreign contact without them
+    assert unlike is not None  # random_touch draws no foreign contact without foreign figures
     return _foreign_depth(rng, u, v, area, longest, unlike)
 
 
@@ -190,7 +273,7 @@ def _foreign_depth(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area:
                    unlike: Forms) -> np.ndarray:
     if rng.random() < 0.25:
         depth = _whole_foreign_depth(rng, u, v, area, longest, unlike)
-        return depth + rng.uniform(0.05, 0.15) * np.sqrt(area) * _smooth(rng, u.shape, 1.5)  # a ragged rim
+        return depth + rng.uniform(0.05, 0.15) * np.sqrt(area) * _smooth(rng, u.shape, 1.5)  # makes the rim ragged
     return _whole_foreign_depth(rng, u, v, area, longest, unlike)
 
 
@@ -219,7 +302,7 @@ def _whole_foreign_depth(rng: np.random.Generator, u: np.ndarray, v: np.ndarray,
 
 
 def _hook(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float, longest: int) -> np.ndarray:
-    """A bar with one or two bends."""
+    """Return the distance field of a bar with one or two bends."""
     turn = rng.choice((-1, 1)) * rng.uniform(0.6, 2.4)
     arms = rng.uniform(2.2, 7) * width, np.exp(rng.uniform(np.log(2.2 * width), np.log(max(3 * width, longest))))
     points = [np.zeros(2), arms[0] * np.array((np.cos(turn), np.sin(turn))), np.array((arms[1], 0.0))]
@@ -231,7 +314,11 @@ def _hook(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float, 
 
 
 def _bow(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float) -> np.ndarray:
-    """A bent bar: a part of a ring, of at most three fifths of it, its middle off its chord by its width or more."""
+    """Return the distance field of a bent bar.
+
+    The bar is an arc of at most about three fifths of a ring. The arc rises above its chord by at least 0.8 times the
+    width of the bar.
+    """
     radius = np.exp(rng.uniform(np.log(1.6), np.log(16))) * width
     half = rng.uniform(np.arccos(1 - 0.8 * width / radius), 1.9)
     middle = radius * np.sinc(half / np.pi)
@@ -241,7 +328,7 @@ def _bow(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, width: float) -
 
 
 def _stalk(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
-    """A round or oval blob with a bar that leaves it."""
+    """Return the distance field of a round or oval blob with a bar extending from it."""
     radius, stretch = 0.45 * np.sqrt(area), np.exp(rng.uniform(0, 0.4))
     blob = radius - np.hypot(u * stretch, v / stretch)
     away = radius * rng.uniform(1.8, 4) * np.exp(1j * rng.uniform(0, 2 * np.pi))
@@ -249,7 +336,10 @@ def _stalk(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) 
 
 
 def _leaf(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
-    """What two discs have in common: pointed at both ends, its middle bent off the line between them."""
+    """Return the distance field of a leaf.
+
+    A leaf is the intersection of two discs, with points at both ends and a bent middle line.
+    """
     ratio = np.exp(rng.uniform(np.log(1.7), np.log(5)))
     wide = np.sqrt(area / (1.36 * ratio))
     radius = wide * (ratio ** 2 + 1) / 4
@@ -258,7 +348,7 @@ def _leaf(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -
 
 
 def _parts(rng: np.random.Generator, u: np.ndarray, v: np.ndarray, area: float) -> np.ndarray:
-    """Two to five ovals or bars near each other: a rock, the jaws of a tool."""
+    """Return the distance field of two to five neighbouring ovals, such as bumps on a rock or the jaws of a tool."""
     count = int(rng.integers(2, 6))
     size, place, parts = np.sqrt(area / count), np.zeros(2), []
     for _ in range(count):
@@ -279,30 +369,35 @@ def _bar(u: np.ndarray, v: np.ndarray, start: np.ndarray, end: np.ndarray, width
 
 
 def _profile(rng: np.random.Generator, label: int, depth: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Pressure at each point: flat, round on top, higher at the rim, or of a hollow object's rim alone; tilted."""
+    """Return the pressure at each point.
+
+    The pressure is flat, domed, higher or lower at the rim, or mainly on the rim of a hollow object. In most
+    contacts, the pressure also increases towards one side.
+    """
     inside, deepest = depth >= 0, max(float(depth.max()), 1e-3)
     share = np.clip(depth / deepest, 0, 1)
     if label in (CIRCLE, SQUARE, RECTANGLE) and deepest > 2 * THINNEST_WALL and rng.random() < HOLLOW:
         wall = rng.uniform(THINNEST_WALL, max(THINNEST_WALL + 0.1, 0.6 * deepest))
         pressure = inside * np.where(depth <= wall, 1.0, rng.choice((0.0, rng.uniform(0, 0.3))))
     elif rng.random() < DOMES[label] and (label != RECTANGLE or _fits_lengthwise(inside, deepest)):
-        pressure = np.sqrt(np.clip(1 - (1 - share) ** 2, 0, 1)) * inside  # of a ball or a lying cylinder
+        pressure = np.sqrt(np.clip(1 - (1 - share) ** 2, 0, 1)) * inside  # a ball, or a cylinder on its side
     else:
         pressure = inside * (1 + rng.uniform(-0.3, 0.6) * (1 - share) ** 2)
     towards, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0, 1.2) * (rng.random() < 0.7)
-    towards = towards if label != RECTANGLE or rng.random() < 0.5 else 0.0  # a bar is often held at one end
+    # a bar is often held at one end, so the pressure often changes along it
+    towards = towards if label != RECTANGLE or rng.random() < 0.5 else 0.0
     rise = np.cos(towards) * u + np.sin(towards) * v
     found: np.ndarray = pressure * np.exp(tilt * rise / max(2 * float(rise[inside].std()), 0.5))
     return found
 
 
 def _fits_lengthwise(inside: np.ndarray, deepest: float) -> bool:
-    """Whether a bar is slim enough for a cylinder that lies on the pad."""
+    """Return True if a bar is slim enough to be the contact of a cylinder on its side."""
     return bool(inside.sum() / FINER ** 2 > CYLINDER * (2 * deepest) ** 2)
 
 
 def _is_decided(label: int, inside: np.ndarray, pad: tuple[slice, slice], u: np.ndarray, v: np.ndarray) -> bool:
-    """Whether what is seen on the pad shows the class."""
+    """Return True if the visible part of the contact shows its class."""
     seen = np.zeros_like(inside)
     seen[pad] = inside[pad]
     if seen.sum() < LEAST[label] * FINER ** 2:
@@ -319,12 +414,15 @@ def _is_decided(label: int, inside: np.ndarray, pad: tuple[slice, slice], u: np.
 
 
 def _fill(u: np.ndarray, v: np.ndarray) -> float:
-    """Area of the points relative to that of a bar of the same second moments."""
+    """Return the area of the points, relative to the area of a bar with the same second moments."""
     spread = np.cov(u, v)
     return float(len(u) / FINER ** 2 / (12 * np.sqrt(max(np.linalg.det(spread), 1e-9))))
 
 
 def _is_oval(u: np.ndarray, v: np.ndarray) -> bool:
-    """Whether they fill an ellipse that no one takes for a bar: a bar has a fill of 1, an ellipse of pi / 3."""
+    """Return True if the points fill an ellipse that cannot be mistaken for a bar.
+
+    The fill of a bar is 1, and the fill of an ellipse is pi / 3.
+    """
     low, high = np.linalg.eigvalsh(np.cov(u, v))
     return bool(_fill(u, v) > 1.02 and 1.6 < np.sqrt(high / low) < 2.6)

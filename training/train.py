@@ -1,7 +1,8 @@
-"""Trains the recogniser and writes its weights: python -m training.train --output config/recogniser.npz.
+"""Train the recogniser and write its weights: python -m training.train --output config/recogniser.npz.
 
-Samples are drawn once into a folder (--samples), and a training that was interrupted goes on from there. Steps, not
-minutes, bound the training, so that a run can be repeated: same commit, same seed, same machine, same file.
+The program draws the samples once and stores them in a folder (--samples). The state of the training is stored in the
+same folder, and an interrupted training resumes from there. The length of a training is set in steps instead of
+minutes. The same commit, seed and machine therefore produce the same file.
 """
 
 import argparse
@@ -29,24 +30,60 @@ from training.mechanics import solution_pool
 from training.model import Model
 from training.pools import FORMS, Part, draw_part, forms_of, read_parts
 
-#: parts of about 10,000 samples of each pool
+#: Number of parts in each pool. A part has about 10,000 samples.
 PARTS = {'bulk': 24, 'large': 10, 'faulty': 18, 'foreign': 14, 'blemish': 6, 'mechanics': 12, 'noise': 2,
          'hidden': 10, 'real': 28}
-SHARED = *FORMS, 'indenters', 'indenters of validation'  #: what both networks are trained on, drawn first
+
+#: Figures and indenters that both networks need. They are drawn before the samples.
+SHARED = *FORMS, 'indenters', 'indenters of validation'
 STEPS = 24_000
-KEPT = 1000  #: steps after which a training is written to disk, to go on from there
+KEPT = 1000  #: Number of steps between two saved states of a training.
 SHIPPED = Path('config/recogniser.npz')
 
 
 def exported(model: Model, kind: str, seed: int, folder: Path) -> dict[str, np.ndarray]:
-    """The arrays of one network with its calibration."""
+    """Return the weights and the calibration of one network.
+
+    Parameters
+    ----------
+    model : Model
+        The trained network.
+    kind : str
+        'graded' or 'on_off'.
+    seed : int
+        Seed for the validation contacts.
+    folder : Path
+        Folder with the solved indenters.
+
+    Returns
+    -------
+    dict of str to np.ndarray
+        Arrays for the weights file. Each name begins with the kind.
+    """
     found = calibrated(validation(model, kind == 'on_off', seed, folder))
     arrays = {f'{kind}_{name}': array for name, array in model.arrays().items()}
     return arrays | {f'{kind}_temperature': np.array(found.temperature), f'{kind}_biases': found.biases}
 
 
 def trained(kind: str, args: argparse.Namespace) -> tuple[dict[str, np.ndarray], dict[str, int]]:
-    """Train and calibrate one network; its arrays, and how many samples each pool has."""
+    """Train and calibrate one network.
+
+    If the folder of the samples holds the state of an interrupted training, the training resumes from that state.
+
+    Parameters
+    ----------
+    kind : str
+        'graded' or 'on_off'.
+    args : argparse.Namespace
+        Arguments of the command line.
+
+    Returns
+    -------
+    arrays : dict of str to np.ndarray
+        Weights and calibration of the network.
+    counts : dict of str to int
+        Number of samples in each pool.
+    """
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)
     began, of_kind = time.monotonic(), [part for part in parts(args.share) if part.kind == kind]
@@ -65,13 +102,19 @@ def trained(kind: str, args: argparse.Namespace) -> tuple[dict[str, np.ndarray],
 
 
 def parts(share: float) -> list[Part]:
-    """All parts of both networks' samples, or a ``share`` of each pool, those that take longest first."""
+    """Return the parts needed for both networks. The parts that take longest to draw come first.
+
+    Parameters
+    ----------
+    share : float
+        Share of the parts of each pool. Every pool has at least one part.
+    """
     return [Part(kind, pool, number) for pool, count in reversed(PARTS.items())
             for number in range(max(1, round(count * share))) for kind in KINDS]
 
 
 def _shared(name: str, samples: Path) -> int:
-    """Draw what both networks are trained on, where it is not there yet; how much there is."""
+    """Draw the figures or indenters called ``name`` if they are not stored yet, and return their number."""
     began, folder = time.monotonic(), samples.parent / 'mechanics'
     if name in FORMS:
         count = len(forms_of(samples, name).labels)
@@ -82,6 +125,7 @@ def _shared(name: str, samples: Path) -> int:
 
 
 def main() -> int:
+    """Draw the samples, train both networks and write their weights."""
     args = _arguments()
     code = _code()
     if code.endswith('dirty') and args.output == SHIPPED:
@@ -105,7 +149,10 @@ def main() -> int:
 
 
 def _code() -> str:
-    """Version of the package, and commit where there is one, marked where the working tree differs."""
+    """Return the version of the package and, in a repository, the commit.
+
+    The commit ends with '-dirty' if the working tree has uncommitted changes.
+    """
     described = subprocess.run(['git', 'describe', '--always', '--dirty', '--exclude', '*'], capture_output=True,
                                text=True, cwd=Path(__file__).parent)
     return ' '.join([package_version(), *described.stdout.split()])
