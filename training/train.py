@@ -129,7 +129,7 @@ def main() -> int:
     args = _arguments()
     code = _code()
     if code.endswith('dirty') and args.output == SHIPPED:
-        raise ConfigurationError('the working tree', expected='that of a commit, from which the file can be made again',
+        raise ConfigurationError('the working tree', expected='a commit, so that the file can be reproduced',
                                  got=code, remedy='Commit the changes, or give another --output.')
     claim(args.samples)
     began, wanted = time.monotonic(), parts(args.share)
@@ -167,8 +167,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument('--output', type=Path, default=SHIPPED)
     parser.add_argument('--samples', type=Path, default=Path('build/samples'), help='folder for drawn samples')
     parser.add_argument('--steps', type=int, default=STEPS, help=f'batches of {sum(MIX.values())}')
-    parser.add_argument('--share', type=float, default=1.0, help='of the samples, for a short trial')
-    parser.add_argument('--jobs', type=int, default=1, help='2: train both networks at the same time')
+    parser.add_argument('--share', type=float, default=1.0, help='share of the samples to use, for a short trial')
+    parser.add_argument('--jobs', type=int, default=1, help='processes; 2 trains both networks at once')
     parser.add_argument('--seed', type=int, default=1)
     return parser.parse_args()
 
