@@ -125,7 +125,9 @@ class SlcanPty(can.BusABC):
                                                                  OK if command in b'SsMmZX' else REFUSED)
 
     def _set_open(self, is_open: bool) -> bytes:
-        if not is_open:  # frames that the last client did not read must not reach the next client
+        # Frames that the last client did not read must not reach the next client. The next client closes the channel
+        # once more and may already be waiting in a read, which would fail if these bytes disappeared.
+        if self._open and not is_open:
             with self._lock:
                 self._unsent.clear()
             termios.tcflush(self._port_fd, termios.TCIFLUSH)
