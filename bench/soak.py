@@ -48,7 +48,9 @@ from tactile_node.sources.log_source import summary
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
 
-NODES, LAYOUT, TPDOS = (32, 64), 'sim16x16.yaml', 32  #: TPDOS is the number of TPDOs in a sweep of one node
+NODES = (32, 64)  #: Node-IDs of the two pads.
+LAYOUT = 'sim16x16.yaml'
+TPDOS = 32        #: Number of TPDOs in a sweep of one node.
 FULL_LOAD = 115.0  #: Sweeps per second that fill the bus.
 PERCENTILES = (50, 99, 99.9, 100)
 SENDER_LATE = ('p50', 'p99', 'max')

@@ -41,7 +41,8 @@ class Correction(NamedTuple):
     is_part: bool = False               # True for a lift at an unknown place along a long object
 
 
-HOLD, WAIT = Correction('hold'), Correction('wait')  # 'hold' keeps the gripper still
+HOLD = Correction('hold')  # keeps the gripper still
+WAIT = Correction('wait')
 
 
 def asked_for(grasp, aim: tuple[float, float]) -> Correction:
@@ -168,7 +169,7 @@ def main() -> None:
         act()
 
     def act() -> None:
-        """Report the decision, immediately after a change, so that nobody acts on an outdated decision."""
+        """Report the decision immediately after it has changed, so that nobody acts on an outdated decision."""
         nonlocal reported, reported_at
         now = time.monotonic()
         correction = planner.decide(now)

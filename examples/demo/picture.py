@@ -29,7 +29,8 @@ TICK = 10  #: distance between ticks [mm]
 
 #: Magnification of the centre's error ellipse, whose true axes are only some hundredths of a millimetre long.
 MAGNIFIED = 50
-FITTED, TRUE = 'cyan', 'white'  #: colours of the outlines, which also differ in line style
+FITTED = 'cyan'  #: Colour of the fitted outline. Its line style also differs from that of the true outline.
+TRUE = 'white'   #: Colour of the true outline.
 RECOGNISED, WRONG = 'black', '#b30000'
 
 

@@ -33,7 +33,7 @@ class Zeroing(NamedTuple):
     #: Raises ConfigurationError if the pad has no zero.
     limit: Callable[[str], float]
     frame_period: float  #: time between two taxel frames [s]
-    source: FrameSource  #: source of the frames, through which a device can be told to zero itself
+    source: FrameSource  #: source of the frames; it can also tell a device to zero itself
 
 
 class TareService:

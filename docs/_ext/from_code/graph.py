@@ -25,7 +25,8 @@ from .interfaces import files_of, first_sentence
 
 PADS, NODE_IDS, LAYOUT = ['left', 'right'], [32, 64], 'sim16x16.yaml'
 NAMESPACE = 'documented'  # No other node on this machine uses this namespace.
-QUIET, TIMEOUT = 1.0, 60.0  # Discovery ends after QUIET without a change, or after TIMEOUT [s].
+QUIET = 1.0     # Discovery ends when nothing has changed for this time [s].
+TIMEOUT = 60.0  # Time limit for discovery [s].
 EVERY_NODE = 'every node'
 OF_EVERY_NODE = ('describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
                  'list_parameters', 'set_parameters', 'set_parameters_atomically')
