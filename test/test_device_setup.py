@@ -89,7 +89,7 @@ def records(device: Device) -> dict:
 def test_a_device_of_another_layout_is_set_up():
     device = of_another_layout()
     set_up(device)
-    assert records(device) == records(Device()) | {  # The set-up keeps the NO_RTR bit in the COB-IDs of the device.
+    assert records(device) == records(Device()) | {  # The setup keeps the NO_RTR bit in the COB-IDs of the device.
         (0x1800 + i, 1): 0x4000_0000 + NODE.layout.tpdos[i].cob_id.of(32) for i in (0, 1)}
 
 
@@ -97,7 +97,7 @@ def test_a_device_of_another_layout_is_set_up():
     {'fixed': [(0x1A00, 0)]}, {'fixed': [(0x1A01, 0)]}, {'fixed': [(0x1A01, 2)]}, {'kept': [(0x1A01, 1)]},
     {'fixed': [(0x1801, 2)]}, {'kept': [(0x1801, 2)]}], ids=str)
 def test_a_device_that_refuses_its_set_up_is_left_as_it_was(options):
-    """A device that refused its set-up was once left with disabled or half-written TPDOs."""
+    """A device that refused its setup was once left with disabled or half-written TPDOs."""
     device = of_another_layout(**options)
     before = records(device)
     with pytest.raises(UnverifiedDeviceError):

@@ -1,4 +1,4 @@
-"""A log is never played if its set-up shows another device, or TPDOs that differ from the layout.
+"""A log is never played if its setup shows another device, or TPDOs that differ from the layout.
 
 The SDO frames are hand-written according to CiA 301 (7.2.4.3). The pad of 3 taxels maps the sub-indices 1, 2 and 3 of
 object 0x2000 with 16 bits each.

@@ -34,7 +34,7 @@ NAME_UPLOAD = '''620#4008100000000000 5A0#4108100010000000 620#6000000000000000 
 
 
 def session(until=3.1):
-    """Return the lines of the session for the set-up and the first touch."""
+    """Return the lines of the session for the setup and the first touch."""
     with gzip.open(SESSION, 'rt') as file:
         return [line for line in file.read().splitlines() if float(line[1:18]) < BEGIN + until]
 

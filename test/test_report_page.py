@@ -197,7 +197,8 @@ def test_the_command_names_the_problems_that_it_counts(tmp_path, capsys):
     log, out = logged(tmp_path / 'x.log', session(2.5)), tmp_path / 'report.html'
     assert main(['report', log, '--node-id', '32,96', '--pads', 'left,right', '-o', str(out)]) == 0
     first, *problems = capsys.readouterr().out.splitlines()
-    assert first.endswith(f' {len(problems)} problems') and any('right: no taxels' in problem for problem in problems)
+    assert first.endswith(f' {len(problems)} problems')
+    assert any('right: this recording contains no taxels' in problem for problem in problems)
     texts = ''.join(check_alone(out.read_text(encoding='utf-8')).texts)
     assert all(problem.strip() in texts for problem in problems)
 

@@ -308,7 +308,7 @@ def test_what_a_source_has_shown_is_forgotten_when_it_stops():
     store.put_grasp(HELD)
     store.clear()
     assert store.shown().grasp is None and store.shown().pads == {'left': None}
-    assert 'this source has none' in macros().grasp(store.shown().grasp, NAN, NAN)
+    assert 'this source has no grasp' in macros().grasp(store.shown().grasp, NAN, NAN)
 
 
 # --- The 3-D view

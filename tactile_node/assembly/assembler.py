@@ -56,7 +56,7 @@ The assembler applies these rules to each node of the pad separately:
     period, an adapter has held frames back, and the conclusion was wrong. While the assembler does not know which SYNC
     a node is answering (``is_in_doubt``), the SYNC producer skips SYNCs, so that the bus becomes free.
 
- 9. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
+ 9. If a SYNC may have reached the bus more than MOST_LATE after its stamp, it begins a period as usual. The taxels of
     that period are not published: they are LATE.
 
 Limits:

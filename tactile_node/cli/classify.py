@@ -51,6 +51,6 @@ def run(args: argparse.Namespace) -> int:
         if file and args.method != method:
             raise ConfigurationError(option, expected=f'--method {method}, which reads this file', got=args.method,
                                      remedy=f'Omit {option}, or give --method {method}.')
-    from tactile_node.cli.classified import write_shapes  # imports scipy, which would slow down shell completion
+    from tactile_node.cli.classified import write_shapes  # scipy would slow down shell completion
     write_shapes(args)
     return 0

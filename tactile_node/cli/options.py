@@ -211,7 +211,7 @@ def add_model_option(parser: argparse.ArgumentParser) -> None:
 
 def recogniser_of(args: argparse.Namespace) -> 'VisibilityGuard':
     """Return a recogniser with the model from --model. Raises ConfigurationError if the file cannot be used."""
-    from tactile_node.shape.methods import make_recogniser  # imports scipy, which would slow down shell completion
+    from tactile_node.shape.methods import make_recogniser  # scipy would slow down shell completion
     return make_recogniser(LEARNED, args.model)
 
 
@@ -242,7 +242,7 @@ def pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[PadSe
     ConfigurationError
         Raised if a layout cannot be used, or if the options contradict each other.
     """
-    from tactile_node.skin.pads import make_pads  # imports canopen, which would slow down shell completion
+    from tactile_node.skin.pads import make_pads  # canopen would slow down shell completion
     layouts = [args.layout] if isinstance(args.layout, str) else args.layout or [DEFAULT_LAYOUT]
     return make_pads(layouts, args.node_id or [DEFAULT_NODE_ID], names)
 
@@ -299,7 +299,7 @@ def open_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') 
     BusError
         Raised if the bus cannot be opened, or on exit if the bus failed in the meantime.
     """
-    # imports python-can, which would slow down shell completion
+    # python-can would slow down shell completion
     from tactile_node.bus.bus_network import BusNetwork, open_bus
     failures: list[Exception] = []
     network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate), on_batch,

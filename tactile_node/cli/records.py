@@ -37,7 +37,7 @@ def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]
     """
     lines = _json_lines(records) if args.format == JSON else _csv_lines(records, columns())
     if prints(args):
-        for line in lines:  # written line by line, so that a pipe receives each result immediately
+        for line in lines:  # one line at a time, so that a pipe receives each result immediately
             sys.stdout.write(line)
         return
     inputs = [path for path in args.frames if path != '-']

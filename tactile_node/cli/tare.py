@@ -1,4 +1,4 @@
-"""`tactile tare` zeroes the pads: with nothing touching them, their current readings become zero.
+"""`tactile tare` sets the zero of the pads to their current readings, so nothing may touch the pads.
 
 The running driver tares one pad after another. The driver refuses to tare a pad that is pressed. If a pad is pressed,
 the command retries for up to --wait seconds. The exit code is 1 if a pad was not tared.
@@ -28,7 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Tare each pad. Return 1 if a pad was not tared, else 0."""
-    from tactile_node.nodes.tare_client import tare_client  # imported only here, because `--help` must work without ROS
+    from tactile_node.nodes.tare_client import tare_client  # a late import, because `--help` must work without ROS
     is_done = True
     with tare_client(args.namespace) as client:
         for pad in args.pads or client.pads():

@@ -1,6 +1,6 @@
-"""Compare the device set-up found in the SDO transfers of a log with the layout and the EDS (CiA 301, 7.2.4).
+"""Compare the device setup found in the SDO transfers of a log with the layout and the EDS (CiA 301, 7.2.4).
 
-Values that the log does not contain are not checked. A value is unknown if the log begins after the set-up, or if the
+Values that the log does not contain are not checked. A value is unknown if the log begins after the setup, or if the
 device has been reset since. Only expedited transfers are read, because the checked objects have at most 4 bytes.
 """
 

@@ -27,7 +27,7 @@ class LogSource:
     """A FrameSource that plays a CAN log.
 
     ``stop`` pauses the log, and ``start`` continues at the next CAN frame. Playback stops with a failure if the device
-    set-up in the log contradicts the layout or the identity in the EDS.
+    setup in the log contradicts the layout or the identity in the EDS.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class LogSource:
             return
         self.finished.clear()
         messages = self._all_messages()
-        # reads one message, so that `open` raises LogError for an unreadable log
+        # Reading one message here lets `open` raise LogError for an unreadable log.
         self._messages = itertools.chain([next(messages)], messages)
         logger.info('Playing %s.', self._path)
 

@@ -91,11 +91,11 @@ class NodeMonitor:
 
     @property
     def is_trusted(self) -> bool:
-        """True if the TPDOs match the layout, because the node has not restarted or been changed since its set-up."""
+        """True if the TPDOs match the layout, because the node has not restarted or been changed since its setup."""
         return self._configured == self.setup
 
     def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
-        """Return those of the node's TPDOs (or its DOMAIN) whose values in ``frame`` may not match the layout."""
+        """Return the node's TPDOs (or its DOMAIN) whose values in ``frame`` may not match the layout."""
         carriers, ages = self.node.layout.carriers, frame.tpdo_ages
         if not self.is_trusted or self.traffic.are_two:
             return carriers

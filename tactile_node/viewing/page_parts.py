@@ -100,7 +100,7 @@ class Scales:
 
     def __init__(self, fixed: float | None = None):
         self._fixed = fixed
-        # by pad name and unit, because a new layout may change the unit
+        # The key contains pad name and unit, because a new layout may change the unit.
         self._scales: dict[tuple[str, str], FullScale] = {}
 
     def drawn_now(self, source: ViewSource, shown: Shown) -> list[DrawnPad]:
