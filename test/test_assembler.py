@@ -197,7 +197,7 @@ def test_an_order_that_was_changed_once_is_forgotten(assembler):
     assert ORDER_MEMORY - 5 < whole < ORDER_MEMORY + 5 and is_balanced(assembler)
 
 
-def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
+def test_a_part_of_the_tail_is_moved_too_and_older_tpdos_are_late(assembler):
     assembler.sync(10.0)
     send(assembler, (ROW_1, '0F0F'), at=10.1)
     assembler.sync(11.0)
@@ -209,7 +209,7 @@ def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
 
 
 @pytest.mark.parametrize('older', [1, 2, 3])
-def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, older):
+def test_tpdos_from_before_the_previous_sync_belong_to_neither_period(assembler, older):
     """In this test, the driver lags by two periods.
 
     The driver receives SYNCs 1 and 2 first, then the rest of sweep 0, and then sweeps 1 and 2.
@@ -451,7 +451,7 @@ def fates(periods, of=(), begin=0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('periods', 'ways', 'step'), [(2, 400, 1), (3, 8000, 1 if LONG else 5)])
-def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, periods, ways, step):
+def test_no_frame_is_wrong_after_any_loss_or_delay_of_one_period(tmp_path, periods, ways, step):
     """TPDOs of the first ``periods`` are lost or late, and all later TPDOs arrive in time.
 
     With two periods, the test tries every combination. With three periods, the test tries every fifth combination, or
@@ -479,7 +479,7 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, period
 
 @pytest.mark.parametrize('a_period', [4, 5, 7, 10, 30, 1000])
 @pytest.mark.parametrize('lost', [0, 1, 3])
-def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost, a_period):
+def test_tpdos_that_an_adapter_has_held_back_get_no_present_stamp(tmp_path, lost, a_period):
     """An adapter that has held back TPDOs releases ``a_period`` of them in each period until its queue is empty.
 
     Sweep n is sampled at SYNC n, and each of its taxels has the value 2 * (n // 2).
@@ -537,7 +537,7 @@ def test_a_device_that_is_late_by_part_of_a_sweep_has_the_order_of_the_layout(as
     assert assembler.statistics().orders == (None,)
 
 
-def test_of_two_nodes_each_has_its_own_order(tmp_path):
+def test_each_of_two_nodes_has_its_own_order(tmp_path):
     text = 'nodes: 2\n' + TINY.replace('{number: 3, ', '{node: 1, number: 3, ')
     assembler = telling(FrameAssembler(tiny_layout(tmp_path, text), (1, 2)))
     for number in range(3):

@@ -45,7 +45,7 @@ def test_blocks_that_the_edge_of_the_pad_cuts_have_no_value():
 
 
 @pytest.mark.parametrize('pad', [64, 256, 1024])
-def test_what_a_fit_looks_at_has_a_bound(pad):
+def test_the_number_of_blocks_in_a_fit_is_limited(pad):
     y, x = np.indices((pad, pad))
     mask = np.hypot(x - pad / 2, y - pad / 2) < 0.45 * pad
     blocks = in_blocks(mask.astype(float), mask, size_of(mask))

@@ -94,7 +94,7 @@ def short_timeout(tmp_path):
     (['--end-with', 'launch'], '--end-with: expected a whole number >= 1'),
     (['--interface', 'virtual', '--node-id', 'one'], 'whole number'),
 ])
-def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short_timeout, capsys):
+def test_invalid_arguments_end_with_one_sentence_and_code_2(words, expected, short_timeout, capsys):
     assert main(['bringup', *short_timeout, *words]) == 2
     error = capsys.readouterr().err.strip()
     assert error.startswith('tactile: error: ') and '\n' not in error

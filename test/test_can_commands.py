@@ -205,7 +205,7 @@ def test_a_library_of_the_adapters_maker_that_is_missing_is_named_with_the_drive
     assert all(word in refused.value.remedy for word in (linux_driver, 'socketcan', 'docs/adapters.md'))
 
 
-def test_where_the_makers_library_refuses_the_error_is_its_own_and_the_way_around_is_named(monkeypatch):
+def test_an_error_of_the_makers_library_is_passed_on_with_the_workaround(monkeypatch):
     def refuses(**options):
         raise can.CanOperationError('Function canIoCtl failed - Error in parameter.')
     monkeypatch.setattr(can, 'Bus', refuses)

@@ -37,7 +37,7 @@ def test_features_of_every_active_taxel(tactile):
             assert line[name] == expected, name
 
 
-def test_a_line_a_frame(tactile):
+def test_each_frame_becomes_one_line(tactile):
     frames = np.zeros((3, 8, 8), bool)
     frames[1, 2:5, 2:7] = True
     assert [line['N'] for line in tactile('features', frames)] == [0, 15, 0]

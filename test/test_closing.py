@@ -114,7 +114,7 @@ def test_with_one_pad_touched_it_goes_on_for_a_limited_travel(travel):
     (lambda touch, now: touch._replace(acquired=-math.inf), Outcome.NOT_SEEN),
     (lambda touch, now: NO_TOUCH, Outcome.NOT_SEEN)])
 @pytest.mark.parametrize('at', [0.0, 0.5])
-def test_it_closes_only_by_what_is_seen_and_current(fault, expected, at):
+def test_the_gripper_closes_only_while_the_pads_are_seen_and_current(fault, expected, at):
     world = World()
     outcome, now = world.close(closing(), seen=lambda touch, now: fault(touch, now) if now >= at else touch)
     assert outcome is expected and now == pytest.approx(at + BLIND_TIME, abs=0.003)
@@ -129,7 +129,7 @@ HIDDEN = (PadForce(0.1, is_hidden=True), PadForce(0.1, is_hidden=True))
     (lambda touch: touch._replace(contact=GraspContact.UNSEEN), 0.3, 0.7),
     (lambda touch: touch._replace(fresh=False), 1.2, 1.6),
     (lambda touch: touch._replace(pads=HIDDEN), 1.2, 1.6)])
-def test_what_is_not_seen_for_a_while_is_waited_for_at_rest(fault, begin, end):
+def test_the_gripper_rests_while_a_pad_is_briefly_unseen(fault, begin, end):
     world, openings, control = World(), [], closing(2.0)
 
     def seen(touch, now):
@@ -141,7 +141,7 @@ def test_what_is_not_seen_for_a_while_is_waited_for_at_rest(fault, begin, end):
     assert openings[0] > world.opening
 
 
-def test_it_goes_on_only_once_the_gripper_has_stopped_and_slowly_where_it_touches():
+def test_closing_continues_only_after_a_stop_and_slowly_after_a_touch():
     seen = Touch(1.0, True, GraspContact.ONE_SIDED, (PadForce(0.5), EMPTY))
     control = closing(3.0)
     assert control.look(1.0, seen, 0.04) is None
@@ -195,7 +195,7 @@ def test_a_force_that_may_be_any_is_not_trusted(pad):
     assert world.strongest < 2 * LIMITS.overshoot(LIMITS.fast_speed)
 
 
-def test_of_a_contact_that_goes_on_beyond_the_pad_the_limit_has_a_margin():
+def test_the_limit_has_a_margin_for_a_contact_that_extends_beyond_the_pad():
     world = World(bends=lambda real, now: PadForce(real.force * 0.6, is_bound=True))
     assert world.close(closing(5.0))[0] is Outcome.FORCE_REACHED
     assert world.strongest <= 5.0 + LIMITS.overshoot(LIMITS.slow_speed)
@@ -225,7 +225,7 @@ def test_a_gripper_that_hardly_moves_is_too_slow():
     assert outcome is Outcome.TOO_SLOW and step * 0.001 == pytest.approx(1.0 + 3 * 0.06 / LIMITS.fast_speed, rel=0.01)
 
 
-def test_it_slows_down_at_the_first_touch_and_from_a_width_on():
+def test_the_gripper_slows_down_at_the_first_touch_or_below_an_opening():
     control = closing()
     empty = Touch(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
     control.look(0.0, empty, 0.06)
@@ -266,7 +266,7 @@ def test_a_speed_whose_overshoot_exceeds_the_force_is_refused_with_the_numbers()
 @pytest.mark.parametrize('changed', [
     {'widest': 0.0}, {'edge_share': 1.1}, {'slow_speed': 0.03}, {'touch_force': 30.0}, {'max_age': math.nan},
     {'latency': -1.0}, {'slow_from': -0.1}, {'one_sided_travel': math.inf}], ids=str)
-def test_limits_that_are_none_are_refused(changed):
+def test_impossible_limits_are_refused(changed):
     with pytest.raises(ConfigurationError):
         TouchLimits(**changed)
 

@@ -106,7 +106,7 @@ def test_a_contact_that_may_continue_in_hidden_taxels_is_a_bound():
     assert not (found.force_is_bound or found.size_is_bound) and found.filled == 1, 'an enclosed taxel is filled'
 
 
-def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
+def test_the_force_under_a_hidden_group_within_a_contact_is_not_invented():
     """The object is hollow, and filling its hidden taxels from the rim once gave 1.8 times the true force."""
     frame = np.zeros((16, 16))
     frame[4:10, 4:10] = 100e3
@@ -146,7 +146,7 @@ def test_a_bar_across_the_finger_is_whole_only_where_the_finger_ends_at_both_sid
     assert [found_in(across, ends).moments.force_is_bound for ends in (SkinSide.FIRST_COL, columns)] == [True, False]
 
 
-def test_beyond_a_place_without_a_taxel_the_finger_goes_on():
+def test_the_finger_continues_beyond_a_position_without_a_taxel():
     unmapped = np.zeros((16, 16), bool)
     unmapped[:, 12:] = True
     found = found_in(np.where(unmapped, np.nan, pressed(np.s_[6:11, 7:12])), SkinSide(15), unmapped=unmapped).moments
@@ -211,7 +211,7 @@ def test_a_second_contact_where_the_finger_ends_is_whole_as_the_largest_one():
     assert pad_force(found_in(pressed(LARGEST, SECOND_AT_EDGE), SkinSide.LAST_ROW)) == (pytest.approx(10.4), False)
 
 
-def test_what_makes_the_largest_force_a_bound_makes_that_of_the_pad_one():
+def test_the_force_of_a_pad_is_a_bound_if_its_largest_force_is_one():
     saturated = pressed(LARGEST) > 0
     assert pad_force(found_in(pressed(LARGEST, SECOND), saturated=saturated)).is_bound
 

@@ -130,6 +130,6 @@ def test_a_bool_frame_is_the_pressed_taxels(largest):
 
 @pytest.mark.parametrize('frame', [np.zeros(3), np.zeros((1, 2, 3)), np.zeros((0, 3)),
                                    np.zeros((2, 2), complex)])
-def test_what_is_no_frame_is_refused(frame):
+def test_an_array_that_is_not_a_frame_is_refused(frame):
     with pytest.raises(InputError, match='rows, cols'):
         PatternExtractor(PressThresholds(5, 3)).extract(frame)

@@ -61,7 +61,7 @@ def healthy_but(**changes):
     return BusHealth(nodes={'left': (WELL._replace(**changes),)})
 
 
-def test_what_was_lost_before_the_first_message_is_reported():
+def test_losses_before_the_first_message_are_reported():
     assert levels(each_second(), statistics(late=3, overruns=2)) == [WARN, WARN]
 
 

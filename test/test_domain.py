@@ -88,7 +88,7 @@ def test_other_objects_are_not_ours():
     assert steps(SdoUpload(0x2400, 0), *BLOCK) == [Step.NOTHING] * len(BLOCK)
 
 
-def test_whatever_is_damaged_only_the_true_bytes_are_given():
+def test_a_damaged_upload_never_yields_wrong_bytes():
     random = Random(11)
     for _ in range(3000):
         frames = [bytes.fromhex(frame[1:]) for frame in BLOCK]

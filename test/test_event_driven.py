@@ -208,7 +208,7 @@ def test_after_a_restart_nothing_of_before_is_given(tmp_path, text):
 
 
 @pytest.mark.parametrize('text', [SWEEPS, SNAPSHOTS], ids=['sweeps', 'snapshots'])
-def test_what_a_started_node_sends_is_not_joined_to_what_it_sent_before(tmp_path, text):
+def test_tpdos_from_before_and_after_the_start_of_a_node_are_not_joined(tmp_path, text):
     """The node restarts within milliseconds, and its range or mapping may have changed meanwhile."""
     assembler = made(tmp_path, text)
     results = sweep(assembler, 5.0, 11, [0, 1])

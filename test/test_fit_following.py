@@ -123,14 +123,14 @@ def test_a_fit_that_goes_on_is_as_near_to_the_truth_as_a_search(shape, way):
 
 
 @pytest.mark.parametrize(('shape', 'way'), PAIRS)
-def test_it_is_no_surer_than_it_is_right(shape, way):
+def test_a_following_fit_is_no_more_confident_than_it_is_accurate(shape, way):
     searched, followed = both(shape, way)
     assert followed.inside.mean() >= min(searched.inside.mean(), 0.95) - 1 / FRAMES
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('shape', PUNCHES if LONG else ('rectangle', 'isosceles_triangle'))
-def test_it_does_not_lag_behind_a_slide(shape):
+def test_a_following_fit_does_not_lag_behind_a_slide(shape):
     """At 50 Hz and with taxels 2 mm apart, a slide by 0.5 pitch per frame is 50 mm/s."""
     searched, followed = both(shape, 'slides by 0.5 pitch a frame')
     assert abs((followed.apart - searched.apart)[:, 0].mean()) < 0.03

@@ -78,7 +78,7 @@ def test_a_publisher_whose_qos_does_not_fit_is_reported_also_while_messages_come
         wait_for(lambda: events)
 
 
-def test_most_waits_are_without_event_handlers(nodes):
+def test_most_waits_do_not_include_event_handlers(nodes):
     executor = FrameExecutor()
     for node in nodes:
         executor.add_node(node)
@@ -146,7 +146,7 @@ def test_a_timer_that_is_destroyed_or_cancelled_is_not_called_again(nodes):
     assert (ticks['destroyed'], ticks['cancelled']) == (before['destroyed'], before['cancelled'])
 
 
-def test_what_a_task_or_a_timer_raises_ends_the_spinning(nodes):
+def test_an_exception_of_a_task_or_a_timer_ends_the_spinning(nodes):
     def fail():
         raise RuntimeError('as asked')
     for start in (lambda: nodes[0].executor.create_task(fail),
@@ -159,7 +159,7 @@ def test_what_a_task_or_a_timer_raises_ends_the_spinning(nodes):
                 time.sleep(0.01)
 
 
-def test_what_was_found_and_not_run_is_served_by_the_next_executor(nodes):
+def test_the_next_executor_serves_entities_that_were_ready_but_not_run(nodes):
     heard, executor = [], FrameExecutor()
     nodes[0].create_subscription(String, 'words', lambda message: heard.append(message.data), 10)
     publisher = nodes[1].create_publisher(String, 'words', 10)

@@ -61,7 +61,7 @@ def test_the_outcomes_of_the_message_are_those_of_the_code():
         each.name: int(each) for each in Outcome}
 
 
-def test_what_is_sent_in_a_step_has_arrived_at_its_end(make_bench):
+def test_messages_sent_in_a_step_arrive_before_its_end(make_bench):
     """If messages arrived after the end of their step, the durations in these tests would not be exact."""
     bench = make_bench()
     bench.client.send(position=0.0)
@@ -136,7 +136,7 @@ def test_a_gripper_does_not_close_but_opens_while_a_pad_is_not_seen(make_bench):
         assert (status, outcome.outcome, bench.motor.opening) == (SUCCEEDED, Outcome.REACHED, 0.08)
 
 
-def test_it_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
+def test_the_gripper_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
     bench = make_bench()
     for change in NOT_SEEN:
         bench.open()
@@ -153,7 +153,7 @@ def test_it_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
 
 
 @pytest.mark.parametrize(('kind', 'stop_by'), [(KINDS[0], 'cancel'), (KINDS[1], 'goal')])
-def test_what_is_not_seen_for_a_while_is_waited_for_at_rest(make_bench, kind, stop_by):
+def test_the_gripper_rests_while_a_pad_is_briefly_unseen(make_bench, kind, stop_by):
     bench = make_bench(kind, {'stop_by': stop_by})
     handle = bench.client.send(position=0.0)
     bench.wait(0.3)
@@ -636,7 +636,7 @@ def test_an_opening_that_was_held_back_on_its_way_is_not_the_present_one(make_be
     assert bench.close(position=0.05)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
 
 
-def test_of_two_publishers_of_grasp_no_opening_is_believed(make_bench):
+def test_the_opening_from_two_publishers_of_grasp_is_not_used(make_bench):
     bench = make_bench(pads={'width': 0.0})
     bench.add('other').create_publisher(Grasp, '/grasp', 10)
     bench.until_joined(lambda: bench.node.count_publishers('/grasp') == 2)

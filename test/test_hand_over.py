@@ -115,7 +115,7 @@ def facts(message):
     return {name: str(getattr(message, name)) for name in message.get_fields_and_field_types() if name != 'age'}
 
 
-def test_both_ways_give_the_same_results():
+def test_function_calls_and_messages_give_the_same_results():
     """One chain of nodes receives the frames through function calls, and a second chain receives them as messages.
 
     Both chains must report bitwise equal shapes.
@@ -215,7 +215,7 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
         assert taxels.counts.skipped == stage.counts.skipped == 40 - MOST_WAITING and stage.counts.overtaken > 0
 
 
-def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
+def test_a_stage_takes_the_newest_waiting_message_and_counts_the_others():
     """If a slow stage took the oldest message first, the stage would lag by the whole queue for ever."""
     node, peer = ProcessorNode(namespace='/left'), rclpy.create_node('peer')
     publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
@@ -238,7 +238,7 @@ def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
         each.destroy_node()
 
 
-def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
+def test_the_older_contact_of_two_waiting_pads_is_processed_first():
     """If the newer contact came first, the next contact of the other pad would be processed in between.
 
     No grasp would then have both pads of one SYNC.
@@ -257,7 +257,7 @@ def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
     assert answered == [('right', 1), ('left', 2)]
 
 
-def test_what_only_viewers_read_is_made_after_the_shapes_of_both_pads():
+def test_messages_for_viewers_follow_the_shapes_of_both_pads():
     """Computing images and features takes as long as computing a shape, and a planner waits for the shape."""
     process, made = Process(), []
     try:

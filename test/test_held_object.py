@@ -80,14 +80,14 @@ def test_sides_that_are_sure_of_different_classes_are_of_none():
 @pytest.mark.parametrize('mass', [0.1, 0.3, 0.6, 0.99, 1.0])
 @pytest.mark.parametrize('of', ['unknown', 'none'])
 @pytest.mark.parametrize('is_right', [False, True])
-def test_what_a_side_leaves_open_lowers_the_confidence(mass, of, is_right):
+def test_the_uncertainty_of_a_side_lowers_the_confidence(mass, of, is_right):
     open_side = probabilities('square', 1 - mass, mass) | {'unknown': 0.0, of: mass}
     sides = (probabilities('square'), open_side)
     name, confidence = of_classes(*(sides if is_right else sides[::-1]))
     assert confidence == pytest.approx(1 - mass) and name == ('square' if mass < 0.5 else 'unknown')
 
 
-def test_both_sides_unknown_or_without_classes_are_unknown():
+def test_an_object_is_unknown_if_both_sides_are_unknown_or_have_no_classes():
     unknown = probabilities('square', 0.0, 1.0)
     assert of_classes(unknown, unknown) == of_classes({}, {}) == ('unknown', 0.0)
 
@@ -98,7 +98,7 @@ def test_a_class_that_only_one_side_knows_is_no_common_one():
 
 
 @pytest.mark.parametrize('same', [0.5, 0.99])
-def test_what_sure_sides_say_does_not_hang_on_the_prior(same, monkeypatch):
+def test_the_result_of_two_certain_sides_does_not_depend_on_the_prior(same, monkeypatch):
     monkeypatch.setattr(module, 'SAME_FACES', same)
     circle, square = probabilities('circle', 0.99), probabilities('square', 0.99)
     assert of_classes(circle, square)[0] == 'unknown' and of_classes(circle, circle)[0] == 'circle'
@@ -234,7 +234,7 @@ def test_right_faces_alone_are_seen_as_by_the_left_pad():
 @pytest.mark.parametrize(('sds', 'apart', 'is_known'), [
     (0.01, radians(4.9), True), (0.01, radians(5.1), False),  # Five standard deviations are 4.05 degrees.
     (0.03, radians(12.0), True), (0.03, radians(12.3), False)])  # Five standard deviations are 12.15 degrees.
-def test_yaws_that_contradict_each_other_are_none(sds, apart, is_known):
+def test_yaws_that_contradict_each_other_give_no_yaw(sds, apart, is_known):
     found = held(face(angle=0.0, angle_sd=sds), face(angle=-apart, angle_sd=sds))
     assert isnan(found.yaw) == isnan(found.yaw_sd) != is_known and found.symmetry == 4
     if is_known:  # The Birge ratio, here apart / (sqrt(2) sds), widens the standard deviation.

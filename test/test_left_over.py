@@ -146,7 +146,7 @@ def test_a_taxel_begins_again_after_it_was_off_for_long_enough():
         assert found.update(specks).any() == is_left
 
 
-def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
+def test_single_arrays_and_patterns_of_all_pressed_taxels_have_no_left_over_taxels():
     assert not PatternExtractor().extract(np.eye(8)).hidden.any()
     extractor, specks = PatternExtractor(largest=False), np.isin(16 * ROWS + COLS, [34, 52, 66])
     for mask in (disc(3, 3, 3), specks):
@@ -157,7 +157,7 @@ def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
 
 @pytest.mark.ros
 @pytest.mark.parametrize('specks', [[34], [34, 52, 66], list(range(34, 44))])
-def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
+def test_left_over_taxels_arrive_in_a_message_that_is_accepted(specks):
     """The message gives the reason NOT_SEEN, and never EMPTY.
 
     Left-over taxels are marked FAULTY and have no value. Each taxel in the message keeps its noise.

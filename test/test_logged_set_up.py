@@ -121,7 +121,7 @@ def test_a_log_of_another_skin_is_refused_by_its_identity(tmp_path, caplog, caps
     assert main(['replay', log]) == 0
 
 
-def test_of_several_nodes_each_is_judged_by_its_own_part_of_the_layout(tmp_path):
+def test_each_of_several_nodes_is_checked_against_its_own_part_of_the_layout(tmp_path):
     text = 'nodes: 2\n' + TINY.replace('{number: 3, ', '{node: 1, number: 1, ')
     pad = PadSettings('pad', (1, 2), tiny_layout(tmp_path, text))
     second = mapped(1, 0x20000310, by=partial(upload, node=2))

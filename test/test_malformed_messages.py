@@ -317,7 +317,7 @@ def test_an_empty_pad_and_a_pad_without_valid_taxels_are_accepted():
 
 
 @pytest.mark.parametrize(('method', 'fuse'), [('learned', True), ('volf', False)])
-def test_whatever_our_own_nodes_make_is_accepted(chain, method, fuse):
+def test_every_message_of_our_own_nodes_is_accepted(chain, method, fuse):
     """The test draws random contacts with noise, in which few, half or all taxels are invalid."""
     node = chain.add(ClassifierNode(namespace='/left', parameter_overrides=[
         Parameter('method', value=method), Parameter('fuse', value=fuse)]))

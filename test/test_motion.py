@@ -173,7 +173,7 @@ def test_made_and_lost_are_between_frames_that_are_seen():
     assert kinds_of(motions([pressed()] * 20 + [None] * 40 + [EMPTY] * 3)) == []
 
 
-def test_what_is_not_seen_is_not_known():
+def test_the_motion_of_an_unseen_contact_is_not_known():
     found = motions([pressed()] * 20 + [HIDDEN] * 2)
     assert found[19].moving is Moving.STILL and found[20].moving is found[21].moving is Moving.NOT_KNOWN
     assert found[21].observable is Observable.NOTHING
@@ -205,7 +205,7 @@ def observable(where):
     return motions([pressed(where)] * 5)[-1].observable
 
 
-def test_what_cannot_be_seen_is_said():
+def test_movements_that_cannot_be_seen_are_not_marked_as_observable():
     both = Observable.ALONG_X | Observable.ALONG_Y
     assert observable(WHOLE) & both == both
     assert observable(np.s_[7:11, :]) & both == Observable.ALONG_Y  # A bar crosses the pad.

@@ -37,7 +37,7 @@ def test_the_messages_have_our_codes(message, codes):
     assert all(getattr(message, code.name) == code for code in codes)
 
 
-def test_what_an_event_was_seen_by_has_its_code():
+def test_each_measurement_that_shows_an_event_has_its_code():
     assert ContactEvent.SEEN_BY_NOT_KNOWN == SeenBy.NOT_KNOWN
     assert all(getattr(ContactEvent, code.name) == code for code in SeenBy if code)
 
@@ -63,7 +63,7 @@ class Held:
         return message
 
 
-def test_what_slides_is_not_stable_from_the_first_message_on():
+def test_a_sliding_grasp_is_unstable_from_the_first_message_on():
     held = Held()
     assert held.grasp(3.0).stable
     message = held.grasp(PERIOD, SLIDING)

@@ -225,7 +225,7 @@ def test_joint_states_that_were_held_back_are_no_opening(gripper):
     assert sender.send_until_known().gap == pytest.approx(0.035)
 
 
-def test_what_was_held_back_before_the_node_started_is_no_opening(gripper):
+def test_joint_states_held_back_before_the_start_give_no_opening(gripper):
     """The first messages may all be late by the same amount.
 
     The age of a joint state is unknown until the node has found the smallest delay of all messages.

@@ -70,7 +70,7 @@ def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(ros
     assert np.median(ages) < SENT * PERIOD / 4
 
 
-def test_what_a_stage_before_has_left_out_is_no_loss(ros):
+def test_frames_that_an_earlier_stage_left_out_do_not_count_as_lost(ros):
     """In an earlier version, the processor left out frames within its allowance of 5 %.
 
     The classifier then reported the omitted frames as lost.

@@ -119,7 +119,7 @@ def test_a_contact_that_only_the_edge_cuts_is_followed(changes, action):
     ({'misalignment': 0.1}, 'wait'), ({'saturated_taxels': [3, 0]}, 'wait'),
     ({'pads_seen': [False, True]}, 'wait'), ({'hidden_taxels': [0, 1]}, 'wait'), ({'centre': (0.025, AIM[1])}, 'shift'),
     *(({'motions': MOTIONS[name]}, 'wait') for name in ('slides', 'not known', 'blind', 'turns would show'))])
-def test_what_is_longer_than_both_pads_is_lifted_once_nothing_moves(changes, action):
+def test_an_object_longer_than_both_pads_is_lifted_once_nothing_moves(changes, action):
     through = {'line_is_bound': True, 'at_edge': [True, True], 'stable': False, 'lean': (nan, nan)}
     found = choose(**through | changes)
     assert found.action == action and found.is_part is (action == 'lift')

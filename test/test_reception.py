@@ -33,7 +33,7 @@ class Script:
         return self._messages.pop(0)
 
 
-def test_what_waits_is_one_batch_in_order_and_what_came_before_a_fault_is_not_lost():
+def test_waiting_messages_form_one_batch_and_none_before_a_fault_is_lost():
     sent = [can.Message(arbitration_id=number, is_extended_id=False) for number in range(MOST_IN_BATCH + 10)]
     batches, errors = [], []
     reception = Reception(Script(sent), batches.append, errors.append)
@@ -184,7 +184,7 @@ def test_a_clock_that_is_set_forward_is_no_free_bus(monkeypatch):
     assert bus.seen()[1:] == [0.0, 0.05]
 
 
-def test_what_is_no_taxel_takes_its_time_and_after_an_error_the_bus_is_not_known_to_be_free(monkeypatch):
+def test_other_frames_take_bus_time_and_after_an_error_the_bus_is_not_provably_free(monkeypatch):
     bus = Clocked(monkeypatch)
     for stamp, spans, kind in ((1.0, 1, {}), (1.01, 2, {'extended': True}), (1.02, 1, {'is_error_frame': True})):
         assert wait_until(bus.received(stamp, spans=spans, **kind))

@@ -46,7 +46,7 @@ def test_every_mark_of_a_page_has_a_generator_and_every_generator_a_page():
     assert sorted(named) == sorted(from_code.GENERATORS)
 
 
-def test_what_the_code_lacks_is_said_in_the_page(monkeypatch):
+def test_the_page_names_a_module_that_is_missing(monkeypatch):
     def lacks(name):
         raise ModuleNotFoundError(name='rclpy')
     monkeypatch.setattr(from_code, 'import_module', lacks)

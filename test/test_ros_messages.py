@@ -372,7 +372,7 @@ def test_a_side_is_empty_only_if_seen_and_a_cut_contact_shows_no_creep(values, k
 
 
 @pytest.mark.parametrize('kind', (Shape.RECTANGLE, Shape.UNKNOWN))
-def test_what_reaches_the_edge_is_a_bound_for_a_grasp_also_where_the_finger_ends_and_its_force_is_whole(kind):
+def test_a_contact_at_the_edge_is_a_bound_for_a_grasp_even_if_its_force_is_exact(kind):
     """The object may extend beyond the finger.
 
     An object beyond the finger may have its centre elsewhere, and may creep along its own length.

@@ -111,7 +111,7 @@ def test_an_object_is_written_in_the_bytes_of_its_type(exchange, words, capsys):
     ('0x1017:300', '1', '--type', 'u16'), ('0x10170', '1', '--type', 'u16'), ('Heartbeat', '1', '--type', 'u16'),
     ('0x1017', 'zz', '--type', 'hex'), ('0x1017', 'ä', '--type', 'str'), ('0x1017', '2', '--type', 'bool'),
     ('0x2121:2', '', '--type', 'str'), ('0x2122', '', '--type', 'hex')])  # canopen sends no request for an empty value.
-def test_what_could_mean_something_else_is_refused_and_nothing_sent(words, capsys):
+def test_an_ambiguous_request_is_refused_and_not_sent(words, capsys):
     code, out, err, requests = sdo(capsys, [], 'write', *words)
     assert code == 2 and not out and 'expected' in err and not requests
 

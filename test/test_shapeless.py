@@ -96,7 +96,7 @@ def test_a_bar_across_a_pad_is_a_contact(other, turn):
 
 
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
-def test_what_stands_out_of_noisy_lines_is_no_contact(turn):
+def test_peaks_of_noisy_lines_are_not_a_contact(turn):
     rng, found, passed = np.random.default_rng(8), 0, 0
     for _ in range(200):
         values = 0.02 * rng.standard_normal((16, 16))
@@ -123,7 +123,7 @@ def test_salt_makes_no_contact_of_a_size_that_has_a_shape(density, side):
     assert passed <= 3
 
 
-def test_what_reaches_three_edges_has_no_shape_since_its_width_is_not_seen():
+def test_a_contact_at_three_edges_has_no_shape_because_its_width_is_not_seen():
     for mask in (np.ones((16, 16), bool), box(0, 0, 16, 9), box(9, 0, 7, 16)):
         assert is_shapeless(of_taxels(mask))
     for mask in (box(1, 1, 14, 14), box(0, 0, 15, 15), box(1, 0, 15, 9)):

@@ -235,7 +235,7 @@ def test_a_form_without_a_sensor_in_mujoco_is_refused():
 
 
 @physics
-def test_orders_are_obeyed_and_others_answered_with_what_there_is():
+def test_known_orders_are_executed_and_unknown_orders_get_the_list():
     world = World(ITEMS['square'])
     for line in ('close 3', 'move lift=0.02', ''):
         assert obey(world, line).startswith(world.outcome.value)

@@ -275,7 +275,7 @@ def test_slcan_lines(line, can_id, data, extended, remote):
 
 @pytest.mark.parametrize('line', ['t', 't1A0', 't1A09AA', 't1A02AA', 'tXYZ0', 't1A02AABBCC', 'T1A00',
                                   't1A01GG'])
-def test_slcan_lines_that_are_none(line):
+def test_text_that_is_not_an_slcan_line(line):
     assert decode(line.encode()) is None
 
 

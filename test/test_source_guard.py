@@ -24,7 +24,7 @@ def accepted(*sources):
 
 @pytest.mark.parametrize('first', [0, 3, 90, 2_000, 4_000_000])
 @pytest.mark.parametrize('clock', [-3600.0, -0.2, 0.0, 0.2])
-def test_of_two_drivers_none_is_used(first, clock):
+def test_neither_of_two_drivers_is_used(first, clock):
     """The result does not depend on the sequence numbers or the clock of the other driver.
 
     The guard uses none of the other driver's messages, and soon none of ours.

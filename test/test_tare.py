@@ -147,7 +147,7 @@ def test_a_device_that_zeroes_nothing_leaves_the_tare_before():
     assert pad.feed(frame([[4.0]])).values.tolist() == [[1.0]] and pad.zero_state is ZeroState.VALID
 
 
-def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next_tare():
+def test_a_partly_zeroed_device_has_no_valid_value_until_the_next_tare():
     pad = TaredPad(GUARD)
     tared(pad, [frame([[3.0]])], 3)
     error = tared(pad, [frame([[3.0]])], 3, zero_device=refuses(HalfZeroedError))

@@ -190,7 +190,7 @@ def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
     assert pad.faults.total == 2
 
 
-def test_what_is_found_is_masked_only_on_request():
+def test_detected_faults_are_masked_only_on_request():
     pad = ConditionedPad(TaredPad(GUARD), FaultDetector(2, 2, LIMIT), known())
     pad.detector.update = lambda *_: known((0, 1, DEAD))
     assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.total == 1

@@ -104,7 +104,7 @@ def test_frames_that_show_no_shape_are_counted_by_reason():
     assert set(TouchFinder('Pa').find(held(rng_of(25), lambda rng: disc(rng, 1.0), 2)).unused) == {Unused.TOO_SMALL}
 
 
-def test_live_a_touch_counts_when_it_was_steady_and_lifted():
+def test_a_live_touch_counts_once_it_was_steady_and_lifted():
     frames, rng = SimpleQueue(), rng_of(26)
     for _ in range(25):
         frames.put(1e3 + 100 * rng.standard_normal((PAD, PAD)))  # These frames show the values of the skin at rest.
@@ -205,7 +205,7 @@ def test_the_command_refuses_to_overwrite_an_input_before_any_touch_is_recorded(
     assert main(['teach', '--name', 'coin', '--model', str(file), '--output', str(file)]) == 2
 
 
-def test_live_the_recording_that_is_reported_is_the_one_that_was_written(tmp_path, monkeypatch):
+def test_the_recording_that_a_live_session_reports_is_the_one_that_was_written(tmp_path, monkeypatch):
     """The log of an earlier session keeps its file name.
 
     A new session must not use the earlier log, even after Ctrl-C.

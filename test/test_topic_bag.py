@@ -201,7 +201,7 @@ def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed)
     assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.INCONSISTENT: 1}
 
 
-def test_a_message_that_is_none_is_counted_not_given(tmp_path):
+def test_a_malformed_message_is_counted_and_not_returned(tmp_path):
     """One of these messages claims to have more bytes than it contains."""
     whole = bytes(store().serialize_cdr(taxel_array(store(), 0), TAXELS))
     huge = whole.replace(struct.pack('<I', 6) + struct.pack('<f', 1), struct.pack('<If', 2**32 - 1, 1))
@@ -211,7 +211,7 @@ def test_a_message_that_is_none_is_counted_not_given(tmp_path):
     assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.UNDECODABLE: 4}
 
 
-def test_what_a_bag_holds_is_known_without_reading_it(tmp_path):
+def test_the_topics_of_a_bag_are_known_without_reading_its_messages(tmp_path):
     ours = bag(tmp_path / 'ours', arrays(1))
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     types.register(typesys.get_types_from_msg('uint32 id', CAN_TYPE))

@@ -57,7 +57,7 @@ class Terminal(io.StringIO):
 # --- The store
 
 
-def test_what_is_not_looked_at_is_replaced_and_the_history_is_bounded():
+def test_unread_states_are_replaced_and_the_history_is_bounded():
     store = Store(['left'])
     for k in range(5 * MOST_FORCE_POINTS):
         store.put(state(stamp=0.001 * k))
@@ -102,7 +102,7 @@ def test_the_outline_lies_on_the_taxels_that_it_encloses():
 
 
 @pytest.mark.parametrize('shape', ['unknown', 'none'])
-def test_what_has_no_shape_has_no_outline_and_no_size(shape):
+def test_a_contact_without_a_shape_has_no_outline_and_no_size(shape):
     shown = pads_html([drawn(0.1, shape=shape)], 1)
     assert '<polygon' not in shown and 'side' not in shown
 
@@ -214,7 +214,7 @@ def test_a_dead_skin_of_which_frames_come_is_not_live():
     assert 'NOT LIVE</b>' in status and 'left: no valid taxels; right: no valid taxels' in status
 
 
-def test_live_is_said_of_all_pads_or_of_the_one():
+def test_the_word_live_applies_to_all_pads_or_to_one_pad():
     live, dead = drawn(0.05), drawn(0.05, values=np.full((4, 4), NAN))._replace(name='right')
     assert '>LIVE</b>' in status_html(LIVE, [live, live], 0, 1)
     status = status_html(LIVE, [live, dead], 0, 1)
@@ -302,7 +302,7 @@ def test_a_browser_hides_a_grasp_by_its_own_age(pads):
     assert left == pytest.approx(OLD_AGE - FRAME_TIME - 0.4 + 0.3, abs=0.1)
 
 
-def test_what_a_source_has_shown_is_forgotten_when_it_stops():
+def test_a_source_forgets_its_data_when_it_stops():
     store = Store(['left'])
     store.put(state())
     store.put_grasp(HELD)
@@ -376,7 +376,7 @@ def test_counters_that_begin_again_have_no_past():
     assert rows_of(health_table(facts, before=before))['lost: late'] == '12 (3 in 1 s)'
 
 
-def test_what_is_lost_is_listed_by_reason():
+def test_losses_are_listed_by_reason():
     losses = dict.fromkeys(LossReason, 0) | {LossReason.LATE: 7}
     pad = PadStatistics(complete=9, incomplete=1, expected=100, received=99, used=92, pending=0, losses=losses)
     node = NodeHealth(32, 5, True, 0.1, NodeFault.TWO_SENDERS)

@@ -182,7 +182,7 @@ def test_the_command_shows_a_bag_on_a_pipe(tmp_path, capsys):
     (['no_such.log'], 'no_such.log'), (['x.log', '--interface', 'virtual'], '--interface'),
     (['--model', 'taught.npz'], '--model'), (['--full-scale', '0'], '--full-scale'),
     (['--interface', 'no_such_interface'], 'no_such_interface')])
-def test_what_cannot_be_shown_is_an_error(arguments, where, capsys):
+def test_a_source_that_cannot_be_shown_is_an_error(arguments, where, capsys):
     assert main(['view', '--port', '0', *arguments]) == 2
     assert where in capsys.readouterr().err
 

@@ -140,7 +140,7 @@ def wrench(message: TaxelArray) -> list[float]:
     return six(found)
 
 
-def test_what_presses_pushes_into_the_skin_with_its_torques_about_taxel_0_0():
+def test_a_contact_pushes_into_the_skin_with_torques_about_taxel_0_0():
     # For 3x5 taxels of 2 mm at 50 kPa, the force is 15 * 4e-6 m^2 * 50e3 Pa = 3 N at x = 9 * 2 mm, y = 4 * 2 mm.
     assert wrench(taxels(pressed((3, 7, 3, 5)))) == pytest.approx([0, 0, -3.0, -3.0 * 0.008, 3.0 * 0.018, 0])
 
@@ -160,7 +160,7 @@ def test_a_dead_taxel_inside_a_contact_counts_with_its_neighbours():
     assert wrench(taxels(pressed((3, 7, 3, 5), hidden=[(4, 9, 1, 1)])))[2] == pytest.approx(-3.0)
 
 
-def test_what_presses_at_an_edge_is_known_where_the_finger_ends_with_the_skin():
+def test_the_wrench_at_an_edge_is_known_if_the_finger_ends_with_the_skin():
     message = taxels(pressed((0, 7, 3, 5)))
     assert all(map(math.isnan, wrench(message)))
     message.finger_ends = message.FIRST_ROW
