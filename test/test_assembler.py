@@ -87,7 +87,7 @@ def test_silent_periods_are_all_stale(assembler):
     check(only(assembler.sync(3)), np.full((3, 2), NAN), sequence=2, missing=3)
 
 
-def test_sweeps_after_silence_are_given_up_until_a_free_bus_proves_that_none_is_late(assembler):
+def test_sweeps_after_silence_are_lost_until_a_free_bus_proves_that_none_is_late(assembler):
     """After a silence, each sweep may belong to the previous period."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     assembler.sync(0)
@@ -263,7 +263,7 @@ def test_sweeps_that_may_be_old_are_not_given(assembler, script, frames):
         assert found.get(sequence, set()) <= sweeps, found
 
 
-def test_a_sender_that_often_leaves_out_a_period_is_not_given_up_for_ever(assembler):
+def test_a_sender_that_often_skips_a_period_is_not_ignored_for_ever(assembler):
     script = ' '.join((f'S{i}', f'S{i} A{i} B{i} C{i}', f'S{i} F A{i} B{i} C{i}')[i % 3] for i in range(90))
     found = played(assembler, script)
     assert sum(bool(sweeps) for sweeps in found.values()) >= 10
@@ -273,7 +273,7 @@ def test_a_sender_that_often_leaves_out_a_period_is_not_given_up_for_ever(assemb
 @pytest.mark.parametrize(('taken', 'foreign', 'until', 'is_over'), [
     (1.004, [], 1.0205, True), (1.004, [], 1.0125, False), (1.014, [], 1.0205, True), (1.015, [], 1.0205, False),
     (1.004, [0.99, 1.005], 1.0165, True), (1.004, [1.012, 1.0122, 1.0124], 1.0165, False), (None, [], 1.0205, False)])
-def test_a_bus_that_is_free_when_an_answer_is_due_proves_that_there_is_none(taken, foreign, until, is_over):
+def test_a_free_bus_at_the_due_time_of_an_answer_proves_that_there_is_no_answer(taken, foreign, until, is_over):
     """The answer to the SYNC at 1.0 s is due at 1.01 s.
 
     If no TPDO has arrived since the SYNC at 1.0 s, the adapter may be holding back all TPDOs, so a free bus proves
@@ -290,7 +290,7 @@ def test_a_bus_that_is_free_when_an_answer_is_due_proves_that_there_is_none(take
     assert bus.proves(until) == is_over
 
 
-def test_a_bus_that_seemed_free_because_the_adapter_was_held_up_gives_no_wrong_stamp(assembler):
+def test_a_bus_that_seemed_free_because_of_the_adapter_causes_no_wrong_stamp(assembler):
     for stamp in (0.98, 1.0):
         assembler.sync(stamp)
         if stamp < 1.0:

@@ -55,7 +55,7 @@ def test_the_number_of_blocks_in_a_fit_is_limited(pad):
 @pytest.mark.parametrize('shape', CLASSES)
 @pytest.mark.parametrize('is_on_off', [False, True])
 @pytest.mark.parametrize('area', [1100.0, 4000.0])
-def test_a_large_contact_is_where_it_is_and_as_large_as_it_is(shape, is_on_off, area):
+def test_a_large_contact_has_the_right_place_and_size(shape, is_on_off, area):
     rng, pitch, side = generator(Purpose.TEST, 41), 0.002, 140
     contact = random_contact(rng, shape, area, rows=side, cols=side)
     if is_on_off:

@@ -55,7 +55,7 @@ def test_the_exit_code_of_a_replay_says_that_a_line_could_not_be_read(log, capsy
     assert 'lines unread: 1' in capsys.readouterr().out
 
 
-def test_a_replay_starts_whatever_the_parameter_file_has(log, tmp_path, capsys):
+def test_a_replay_starts_with_any_parameter_file(log, tmp_path, capsys):
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    autostart: false\n')
     assert main(['bringup', '--replay', str(log), '--pace', '0', '--params-file', str(file)]) == 0

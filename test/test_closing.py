@@ -90,14 +90,14 @@ def test_with_a_force_it_stops_once_the_stronger_pad_reads_it(force):
     assert force <= world.strongest <= force + THRESHOLD + LIMITS.overshoot(LIMITS.slow_speed)
 
 
-def test_a_force_on_one_pad_alone_is_no_firm_grasp():
+def test_a_force_on_only_one_pad_is_not_a_firm_grasp():
     world = World(off=0.02, start=0.1)
     assert world.close(closing(1.0, start=0.1))[0] is Outcome.ONE_SIDED
     assert world.depth(1) < 0 and 1.0 < world.strongest < 1.4
 
 
 @pytest.mark.parametrize('travel', [0.0, 0.003])
-def test_with_one_pad_touched_it_goes_on_for_a_limited_travel(travel):
+def test_the_gripper_continues_for_a_limited_travel_while_one_pad_is_touched(travel):
     limits = TouchLimits(one_sided_travel=travel)
     world = World(off=0.02, stiffness=10.0, start=0.1)
     outcome, _ = world.close(closing(5.0, limits=limits, start=0.1))
@@ -163,7 +163,7 @@ def test_time_in_which_the_gripper_has_yet_to_stop_is_not_blind_while_the_pads_a
     assert control.look(2 * BLIND_TIME + 0.3, seen, 0.06, is_still=False) is Outcome.NOT_SEEN
 
 
-def test_a_gripper_that_does_not_move_is_too_slow_also_where_the_pads_are_not_seen_now_and_then():
+def test_a_gripper_that_does_not_move_is_too_slow_even_if_pads_are_unseen_at_times():
     control, now, outcome, blind = closing(3.0), 0.0, None, 0.0
     while outcome is None and now < 60.0:
         is_seen = now % 1.0 < 0.7
@@ -326,7 +326,7 @@ def test_the_rest_begins_where_the_last_movement_ends():
     (lambda now: 0.04, None, REST_TIME), (lambda now: 0.04 - 0.001 * now, Outcome.NOT_STOPPED, 0.5 + REST_LIMIT),
     (lambda now: math.nan, Outcome.NOT_STOPPED, 0.5 + REST_LIMIT),
     (lambda now: 0.04 if now > 1.0 else math.nan, None, 1.0 + REST_TIME)])
-def test_a_gripper_that_refuses_a_cancel_is_at_rest_only_where_that_is_measured(opening, expected, after):
+def test_a_gripper_that_refuses_a_cancel_is_at_rest_only_if_the_opening_is_measured(opening, expected, after):
     end, now = clear(opening, lambda now: True, is_ended=False)
     assert end is expected and now == pytest.approx(after, abs=0.03)
 
@@ -335,7 +335,7 @@ def two_sided(force, acquired):
     return Touch(acquired, True, GraspContact.TWO_SIDED, (PadForce(force), PadForce(force)))
 
 
-def test_a_goal_to_open_ends_where_the_force_rises_beyond_what_it_began_with():
+def test_a_goal_to_open_ends_if_the_force_rises_above_its_initial_value():
     widening = Widening(0.08, LIMITS, 0.0, 0.04)
     # A frame acquired before the goal must not set the initial force.
     assert widening.look(0.1, two_sided(50.0, -1.0), 0.04) is None

@@ -134,13 +134,13 @@ def pressed(*places, level=50e3):
 
 @pytest.mark.parametrize('ends', [NO_SIDE, *SkinSide, SkinSide(15)], ids=str)
 @pytest.mark.parametrize('side', SkinSide, ids=str)
-def test_at_the_pads_edge_the_force_is_whole_where_the_finger_ends_with_the_skin(side, ends):
+def test_the_force_at_the_pads_edge_is_exact_if_the_finger_ends_with_the_skin(side, ends):
     found = found_in(pressed(BARS[side]), ends).moments
     assert found.force == pytest.approx(25 * 50e3 * PITCH**2) and found.size_is_bound
     assert found.force_is_bound == found.centre_of_pressure_is_bound == (side not in ends)
 
 
-def test_a_bar_across_the_finger_is_whole_only_where_the_finger_ends_at_both_sides():
+def test_a_bar_across_the_finger_is_complete_only_if_the_finger_ends_at_both_sides():
     across = pressed(np.s_[6:10, :])
     columns = SkinSide.FIRST_COL | SkinSide.LAST_COL
     assert [found_in(across, ends).moments.force_is_bound for ends in (SkinSide.FIRST_COL, columns)] == [True, False]

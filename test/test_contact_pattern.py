@@ -84,7 +84,7 @@ def test_masks_of_another_shape_or_kind_are_refused(wrong):
             PatternExtractor(PressThresholds(5, 3)).extract(np.zeros((2, 2)), **{name: wrong})
 
 
-def test_a_pattern_of_a_mask_is_what_the_extractor_finds():
+def test_a_pattern_of_a_mask_equals_the_pattern_of_the_extractor():
     frame = np.array([[9, 0, NAN], [9, 9, 0]])
     found = extract(frame)
     made = ContactPattern.of(found.mask, found.values)

@@ -219,7 +219,7 @@ def test_the_order_of_its_tpdos_is_reported_with_the_node():
     assert node.health(0.1).tpdo_order is None
 
 
-def test_a_silence_while_this_process_is_overloaded_is_no_fault_at_once():
+def test_a_silence_during_an_overload_of_this_process_is_not_a_fault_at_once():
     node, bus, pad = monitored(0.1)
     bus.feed(0x720, b'\x05')
     heard = bus.heartbeats.of(32).heard

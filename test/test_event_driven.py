@@ -118,7 +118,7 @@ def test_duplicates_change_nothing(sweeps):
     assert rows(frame) == [11, 11, 11] and only(sweep(sweeps, 5 + T)).sequence == 1 and is_balanced(sweeps)
 
 
-def test_equal_bytes_of_the_next_sweep_are_no_duplicate(tmp_path):
+def test_equal_bytes_of_the_next_sweep_are_not_a_duplicate(tmp_path):
     """Without a touch, a pad with a single TPDO sends the same bytes in every sweep."""
     one = re.sub(r'(?m)^- \{number: [23].*\n', '', SWEEPS).replace('rows: 3', 'rows: 1')
     assembler = made(tmp_path, one)
@@ -371,7 +371,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(('text', 'says'), BAD.values(), ids=BAD)
-def test_bad_layouts(tmp_path, text, says):
+def test_bad_layouts_are_refused(tmp_path, text, says):
     with pytest.raises(ConfigurationError, match=re.escape(says)):
         tiny_layout(tmp_path, text)
 

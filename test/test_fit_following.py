@@ -116,7 +116,7 @@ def both(shape: str, way: str) -> tuple[Followed, Followed]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('shape', 'way'), PAIRS)
-def test_a_fit_that_goes_on_is_as_near_to_the_truth_as_a_search(shape, way):
+def test_a_following_fit_is_as_accurate_as_a_search(shape, way):
     searched, followed = both(shape, way)
     assert np.median(apart(followed)) <= np.median(apart(searched)) + 0.03
     assert apart(followed).max() <= apart(searched).max() + 0.2

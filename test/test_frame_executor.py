@@ -194,7 +194,7 @@ def test_a_callback_that_ends_the_thread_keeps_none_of_the_others_waiting(nodes)
     assert heard == ['a', 'b']
 
 
-def test_an_entity_that_is_destroyed_while_it_is_waited_for_is_no_failure(nodes):
+def test_an_entity_that_is_destroyed_during_a_wait_causes_no_failure(nodes):
     served, other = nodes
     heard = []
     with spinning(nodes):

@@ -62,7 +62,7 @@ def restart(bench):
     bench.until_listened()
 
 
-def test_grasps_that_are_dropped_are_no_silence(bench):
+def test_dropped_grasps_do_not_count_as_silence(bench):
     bench.pads.change = malformed
     restart(bench)
     assert 'every grasp on /grasp was dropped' in refused(bench)

@@ -250,7 +250,7 @@ def test_a_gripper_that_does_not_take_the_correction_ends_it(held, fault, expect
     assert ended(bench) == expected
 
 
-def test_a_correction_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(held):
+def test_a_correction_that_a_cancel_does_not_stop_gets_a_goal_at_the_current_opening(held):
     bench = held()
     bench.motor.stays = True
     bench.pads.width -= SHRINKS

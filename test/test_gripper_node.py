@@ -187,7 +187,7 @@ def test_a_force_that_may_be_larger_stops_it(make_bench):
         assert bench.pads.strongest <= THRESHOLD + FAST_RISE
 
 
-def test_a_second_publisher_of_grasp_is_not_believed(make_bench):
+def test_a_second_publisher_of_grasp_is_not_used(make_bench):
     bench = make_bench()
     bench.add('other').create_publisher(Grasp, '/grasp', 10)
     bench.until_joined(lambda: bench.node.count_publishers('/grasp') == 2)
@@ -252,7 +252,7 @@ def test_pads_that_already_press_with_more_than_the_goal_end_it_and_nothing_is_s
     assert not any(each.of_hold for each in bench.client.outcomes)
 
 
-def test_a_late_command_is_held_where_a_cancel_lets_the_gripper_go_on(make_bench):
+def test_a_late_command_is_followed_by_a_goal_to_hold_if_a_cancel_does_not_stop(make_bench):
     bench = make_bench(parameters={'stop_by': 'goal'})
     bench.motor.coasts = True
     bench.motor.fall_silent()
@@ -317,7 +317,7 @@ def test_a_goal_to_open_partly_opens_after_a_server_was_lost_at_the_touch(make_b
     assert bench.motor.opening == pytest.approx(0.05)
 
 
-def test_a_force_within_the_overshoot_is_reached_and_the_excess_is_said(make_bench):
+def test_a_force_within_the_overshoot_is_reached_and_the_text_states_the_excess(make_bench):
     bench = make_bench()
     for force, effort, text in ((2.5, 2.0, '0.5 N more than the 2 N'), (2.0, 2.0, '')):
         press(bench, force)
@@ -407,7 +407,7 @@ def test_a_gripper_that_is_far_too_slow(make_bench):
     assert 0 < late < LOOK_PERIOD + 5 * STEP  # The goal, the stop and the result take one STEP each.
 
 
-def test_a_gripper_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(make_bench):
+def test_a_gripper_that_a_cancel_does_not_stop_gets_a_goal_at_its_opening(make_bench):
     bench = make_bench()
     bench.motor.stays = True
     outcome = bench.close(position=0.0)[2].outcome
@@ -425,7 +425,7 @@ def test_a_gripper_that_takes_one_goal_at_a_time_is_stopped_by_a_cancel(make_ben
     assert bench.pads.strongest <= THRESHOLD + 2 * FAST_RISE
 
 
-def test_an_empty_result_is_no_opening(make_bench):
+def test_an_empty_result_gives_no_opening(make_bench):
     """An empty result has the position 0.0, which would turn the next goal to close into a goal to open."""
     bench = make_bench('GripperCommand')
     bench.pads.knows_gap, bench.motor.is_terse = False, True
@@ -534,7 +534,7 @@ def test_a_gripper_that_never_ends_a_command_closes_only_after_a_restart_where_i
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_a_gripper_that_says_it_is_there_before_it_is_goes_on_under_guard(make_bench, kind):
+def test_a_gripper_that_reports_success_early_stays_under_guard(make_bench, kind):
     """The controllers of ros2_control report success early, because their default goal_tolerance is 10 mm."""
     bench = make_bench(kind)
     bench.motor.is_hasty = True
@@ -544,7 +544,7 @@ def test_a_gripper_that_says_it_is_there_before_it_is_goes_on_under_guard(make_b
 
 
 @pytest.mark.parametrize(('position', 'blocked_at'), [(0.0, 0.05), (LIMITS.widest, 0.06)])
-def test_a_gripper_that_says_it_is_there_and_rests_elsewhere_has_failed(make_bench, position, blocked_at):
+def test_a_gripper_that_reports_success_but_rests_elsewhere_has_failed(make_bench, position, blocked_at):
     bench = make_bench(pads={'width': 0.0})
     bench.motor.is_hasty, bench.motor.blocked_at = True, blocked_at
     if position:
@@ -554,7 +554,7 @@ def test_a_gripper_that_says_it_is_there_and_rests_elsewhere_has_failed(make_ben
     assert f'measured opening is {1e3 * abs(bench.motor.opening - position):.0f} mm' in outcome.message
 
 
-def test_a_gripper_that_says_it_is_there_and_is_not_measured_is_believed(make_bench):
+def test_a_report_of_success_is_trusted_if_the_opening_is_not_measured(make_bench):
     bench = make_bench(pads={'width': 0.0})
     bench.pads.knows_gap = False
     bench.wait(MAX_AGE + PERIOD)
@@ -563,7 +563,7 @@ def test_a_gripper_that_says_it_is_there_and_is_not_measured_is_believed(make_be
 
 
 @pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
-def test_a_gripper_that_said_it_is_there_is_stopped_where_it_is(make_bench, stop_by):
+def test_a_gripper_that_reported_success_early_is_stopped_at_its_opening(make_bench, stop_by):
     """A cancel would find no command, so a goal stops the gripper.
 
     A node that is shut down stops the gripper in the same way.

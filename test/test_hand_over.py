@@ -172,7 +172,7 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
             assert list(side.box_lengths) == pytest.approx([7 * 0.004, 7 * 0.004], abs=0.004)
 
 
-def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
+def test_an_exception_of_a_stage_is_counted_and_the_other_stages_continue(monkeypatch):
     with Process() as process:
         failing, good = process.input('/left/classifier'), process.input('/right/classifier')
 
@@ -274,7 +274,7 @@ def test_messages_for_viewers_follow_the_shapes_of_both_pads():
     assert made == ['shape of left', 'shape of right', 'images of left', 'images of right']
 
 
-def test_a_stage_postpones_only_what_something_subscribes_to(monkeypatch):
+def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
     """Without subscribers, 50 frames per second would each create a task and a closure that nobody needs."""
     postponed = []
     monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish: postponed.append(stage.topic))

@@ -92,7 +92,7 @@ def test_an_object_is_unknown_if_both_sides_are_unknown_or_have_no_classes():
     assert of_classes(unknown, unknown) == of_classes({}, {}) == ('unknown', 0.0)
 
 
-def test_a_class_that_only_one_side_knows_is_no_common_one():
+def test_a_class_that_only_one_side_knows_is_not_a_common_class():
     assert of_classes({'plug': 1.0, 'square': 0.0}, {'square': 1.0})[0] == 'unknown'
     assert of_classes({'plug': 0.9, 'unknown': 0.1}, {'plug': 1.0}) == ('plug', pytest.approx(0.9))
 
@@ -257,7 +257,7 @@ def test_a_circle_and_a_taught_shape_have_no_yaw():
 
 
 @pytest.mark.parametrize('gripper', [DEFAULT, TURNED, OBLIQUE], ids=['default', 'turned', 'oblique'])
-def test_the_centre_is_that_of_the_line_whatever_the_opening(gripper):
+def test_the_centre_is_that_of_the_line_at_any_opening(gripper):
     """The centre is measured from the left pad's origin, along its axes projected across the closing direction."""
     left, right = (0.012, 0.004), (0.011, -0.003)
     found = held(face(centre=left), face(centre=right), gripper)
@@ -318,7 +318,7 @@ def test_faces_lean_as_the_object_is_turned(gripper, turn):
     assert np.isnan(held(face(slope=slopes[0]), face(), gripper).lean).all()
 
 
-def test_a_wedge_that_both_pads_feel_alike_leans_nowhere():
+def test_a_wedge_that_both_pads_feel_equally_has_no_lean():
     """Both faces rise towards the same side, so no rotation makes both flat."""
     assert held(face(slope=(1e6, 0.0)), face(slope=(1e6, 0.0))).lean == pytest.approx((0.0, 0.0))
 

@@ -318,7 +318,7 @@ def test_a_slide_that_one_pad_shows_after_the_other_goes_on():
         slides=pads[min(2, int((now - 1.0) / 0.3))] if 1.0 <= now < 1.9 else (math.nan, math.nan))) > FORCE
 
 
-def test_time_that_was_not_seen_is_no_slide():
+def test_unseen_time_does_not_count_as_a_slide():
     def blind_in_between(touch, now):
         slides = (1.0, math.nan) if 1.0 <= now < 1.05 or 1.55 <= now < 1.6 else (math.nan, math.nan)
         return touch._replace(slides=slides, fresh=not 1.05 <= now < 1.55)

@@ -335,7 +335,7 @@ def test_consumer_that_fails_is_counted(tmp_path, caplog):
     assert source.statistics().consumer_errors == 1 and 'division by zero' in caplog.text
 
 
-def test_a_replay_that_dies_says_so_and_has_finished(tmp_path, caplog):
+def test_a_failed_replay_reports_the_failure_and_counts_as_finished(tmp_path, caplog):
     source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path), lambda *_: None, pace=None)
     source._router.end = lambda: 1 / 0
     source.open()
@@ -364,7 +364,7 @@ def two_skins(tmp_path, heartbeat):
 
 @pytest.mark.parametrize(('node_id', 'got', 'remedy'), [
     (1, '3 TPDOs', '"map"'), (2, 'no TPDO', '--node-id')])
-def test_a_pad_without_taxels_is_told_from_one_that_is_not_in_the_log(tmp_path, node_id, got, remedy, capsys):
+def test_a_pad_without_taxels_is_distinguished_from_a_pad_missing_in_the_log(tmp_path, node_id, got, remedy, capsys):
     short = [row[:-2] for row in ROWS]
     tiny_layout(tmp_path)
     log, words = str(tiny_log(tmp_path, SYNC, *short)), ['--layout', str(tmp_path / 'layout.yaml'), '--node-id']

@@ -236,7 +236,7 @@ def test_a_new_recording_never_continues_into_files_of_an_older_one(tmp_path):
 @pytest.mark.parametrize('window', [TimeWindow(), TimeWindow(0.13), TimeWindow(0.13, 0.1), TimeWindow(0.25, 0.3),
                                     TimeWindow(0.45, 9.0)])
 @pytest.mark.parametrize('suffix', ['.mcap', '.log'])
-def test_a_window_is_what_the_whole_has_in_it(tmp_path, suffix, window):
+def test_a_window_contains_the_same_frames_as_the_whole_recording(tmp_path, suffix, window):
     first, *_ = series(tmp_path, suffix)
     expected = [n for n in range(FRAMES) if window.start <= n / 1000 < window.start + window.duration]
     found = [int.from_bytes(message.data[:4], 'little') for message in CanLogReader(first, window=window)]

@@ -691,7 +691,7 @@ def test_health_names_the_topic_that_is_silent_and_counts_all():
 
 
 @pytest.mark.parametrize('probabilities', [{Shape.CIRCLE: NAN}, {Shape.CIRCLE: INF, Shape.NONE: 0.0}])
-def test_fusion_refuses_what_is_not_finite_and_keeps_its_state(probabilities):
+def test_fusion_refuses_values_that_are_not_finite_and_keeps_its_state(probabilities):
     fusion = RecognitionFusion()
     fusion.update(0.0, Recognition.certain(Shape.CIRCLE))
     with pytest.raises(InputError):
@@ -703,7 +703,7 @@ def test_fusion_refuses_what_is_not_finite_and_keeps_its_state(probabilities):
     assert np.isfinite(list(after.recognition.probabilities.values())).all()
 
 
-def test_the_tracker_refuses_what_is_not_finite_and_keeps_its_state():
+def test_the_tracker_refuses_values_that_are_not_finite_and_keeps_its_state():
     tracker = GraspTracker()
     for side in ('left', 'right'):
         tracker.update(side, SideResult(0.0, SideState.TOUCHED, 'circle', (0.01, 0.01)), now=0.0)

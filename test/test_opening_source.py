@@ -158,7 +158,7 @@ def test_the_diagnostic_has_the_reason(opening, words):
     assert status.level == DiagnosticStatus.STALE and words in status.message
 
 
-def test_two_controllers_that_disagree_about_the_time_are_no_opening(gripper):
+def test_two_controllers_with_contradictory_stamps_give_no_opening(gripper):
     """The joint states of the two controllers alternate.
 
     The stamps of the two controllers disagree, so their joint states give no present opening.
@@ -201,7 +201,7 @@ def test_the_clock_of_the_controller_need_not_be_ours(gripper, clock):
 
 
 @pytest.mark.parametrize('step', [-3600.0, 3600.0])
-def test_a_jump_of_the_clock_never_leaves_an_old_opening_and_is_over(gripper, step):
+def test_a_jump_of_the_clock_never_keeps_an_old_opening_and_has_a_limited_effect(gripper, step):
     gripper.make(**KNUCKLE)
     sender = Sender(gripper, 1.7e9)
     sender.send_until_known(0.2)
@@ -213,7 +213,7 @@ def test_a_jump_of_the_clock_never_leaves_an_old_opening_and_is_over(gripper, st
     assert isnan(gripper.current().gap)
 
 
-def test_joint_states_that_were_held_back_are_no_opening(gripper):
+def test_joint_states_that_were_held_back_give_no_opening(gripper):
     gripper.make(**KNUCKLE)
     sender = Sender(gripper, 1.7e9)
     sender.send_until_known()

@@ -81,7 +81,7 @@ def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
 DIAGONAL = {'offset': 0.008, 'misalignment': 0.15, 'axis': (-sin(0.15), 0.0, cos(0.15))}
 
 
-def test_a_gripper_is_laid_on_faces_that_lean_whatever_their_line():
+def test_a_gripper_aligns_with_leaning_faces_regardless_of_their_line():
     lean = {'lean': (0.02 * client.STIFFNESS, 0.1 * client.STIFFNESS)}
     # The line between the contacts is straight, is misaligned, or is only partly known.
     for line in ({}, DIAGONAL, {'offset': 0.004}):

@@ -54,12 +54,12 @@ def test_a_decision_is_followed(action, kind):
 
 @pytest.mark.parametrize(('action', 'reason'), [('hold', Reason.NOT_SEEN), ('wait', Reason.NO_DECISION),
                                                 ('open', Reason.EMPTY)])
-def test_it_gives_up_when_nothing_is_decided(action, reason):
+def test_the_loop_gives_up_without_a_decision(action, reason):
     order = loop(patience=2.0).next(Correction(action), 2.0)
     assert (order.kind, order.reason) == ('give_up', reason)
 
 
-def test_it_gives_up_after_so_many_moves_and_none_counts_twice():
+def test_the_loop_gives_up_after_a_number_of_moves_and_counts_none_twice():
     found = loop(max_moves=2)
     for now in (1.0, 2.0):
         assert found.next(Correction('shift'), now).kind == 'move'
@@ -74,7 +74,7 @@ def placed(tilt=0.0, shift=0.0):
     return Placed(thing, np.array((AIM[0] + shift, AIM[1], 0.0)), Rotation.from_euler('y', tilt))
 
 
-def test_the_world_is_what_statics_says():
+def test_the_world_agrees_with_statics():
     """The expected force, gap and tilt for a square of 12 x 12 mm are worked out by hand.
 
     The two ends of the tilted prism are length * sin(tilt) apart across the closing direction.

@@ -167,7 +167,7 @@ def test_a_bus_that_was_closed_or_not_read_was_not_free(monkeypatch):
     assert bus.seen() == [inf, 0.0, 0.0, 0.0, 0.0, 1.7, 0.0, 0.5] and bus.traffic.overruns == 1
 
 
-def test_a_frame_for_which_there_is_no_room_is_counted_once(monkeypatch):
+def test_a_frame_without_room_in_the_queue_is_counted_once(monkeypatch):
     bus, held = Clocked(monkeypatch, queue_limit=1), threading.Event()
     bus.traffic.put(held.wait)
     for kind in ({}, {'extended': True}, {'is_error_frame': True}, {}):
@@ -177,7 +177,7 @@ def test_a_frame_for_which_there_is_no_room_is_counted_once(monkeypatch):
     assert (bus.traffic.overruns, dict(bus.traffic.no_data_frames)) == (1, {'foreign': 1, 'error': 1})
 
 
-def test_a_clock_that_is_set_forward_is_no_free_bus(monkeypatch):
+def test_a_clock_that_is_set_forward_does_not_count_as_a_free_bus(monkeypatch):
     bus = Clocked(monkeypatch)
     for stamps, steady in (((1.0,), 1.0), ((1.001,), 1.001), ((1.052,), 1.002)):
         assert wait_until(bus.received(*stamps, steady=steady))
@@ -214,7 +214,7 @@ def test_the_live_bus_load_counts_every_frame_on_the_wire_as_the_report_does(kin
     assert record.report(None).load.mean == pytest.approx(2 * bits / 1e6)
 
 
-def test_a_fault_that_comes_once_is_reported_after_what_came_before_it():
+def test_a_single_fault_is_reported_after_all_earlier_messages():
     class Once(Script):
         def recv(self, timeout):
             message = super().recv(timeout)

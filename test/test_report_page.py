@@ -203,7 +203,7 @@ def test_the_command_names_the_problems_that_it_counts(tmp_path, capsys):
     assert all(problem.strip() in texts for problem in problems)
 
 
-def test_a_bag_is_told_from_a_log_by_its_topics(tmp_path, capsys, monkeypatch):
+def test_a_bag_is_distinguished_from_a_log_by_its_topics(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, 'rclpy', None)
     folder = bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames(12)])
     assert main(['report', str(folder), '-o', str(tmp_path / 'a.html')]) == 0

@@ -52,7 +52,7 @@ def test_without_two_contacts_that_are_seen_nothing_else_counts(contact, expecte
 @pytest.mark.parametrize(('state', 'expected'), [
     (HELD._replace(fresh=False), M.NOT_FRESH), (HELD._replace(stable=False), M.NOT_STABLE),
     (HELD._replace(line_is_bound=True), M.BOUND)])
-def test_a_grasp_is_fresh_stable_and_whole_whatever_is_required(state, expected):
+def test_every_requirement_demands_a_fresh_stable_and_whole_grasp(state, expected):
     assert short_of(state) == (expected,)
 
 

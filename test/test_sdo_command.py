@@ -143,7 +143,7 @@ def test_parameters_are_stored_and_restored_by_their_signatures(words, exchange,
     assert code == 0 and part in out and requests == [exchange[0][0]]
 
 
-def test_a_write_to_what_decides_tpdos_warns(capsys):
+def test_a_write_to_an_object_that_determines_tpdos_causes_a_warning(capsys):
     code, _, err, requests = sdo(capsys, MAPPING, 'write', '0x1A00', '0', '--type', 'u8')
     assert code == 2 and 'warning' in err and '0x06010000' in err and len(requests) == 1
 

@@ -33,7 +33,7 @@ SHAPES = {
 
 @pytest.mark.parametrize('mask', SHAPES.values(), ids=SHAPES)
 @pytest.mark.parametrize('specks', [0, 2])
-def test_a_contact_on_a_quiet_pad_is_no_chance(mask, specks):
+def test_a_contact_on_a_quiet_pad_is_not_due_to_chance(mask, specks):
     pressed = mask.copy()
     pressed[[0, 15][:specks], [0, 15][:specks]] = True
     assert not is_shapeless(of_taxels(pressed))
@@ -71,7 +71,7 @@ LEVELS = {  # Levels of the 16 rows of a pad. The bar covers two rows that read 
 
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
 @pytest.mark.parametrize('levels', LEVELS.values(), ids=LEVELS)
-def test_a_band_on_a_pad_that_hums_is_no_bar(levels, turn):
+def test_a_band_on_a_humming_pad_is_not_a_bar(levels, turn):
     rng = np.random.default_rng(6)
     mask = np.broadcast_to(np.array(levels)[:, None] == 10, (16, 16))
     for _ in range(20):
@@ -139,7 +139,7 @@ def test_a_method_answers_unknown_to_chance_and_none_to_an_empty_pad(method):
 
 
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
-def test_a_part_of_a_line_that_hums_is_no_contact(turn):
+def test_a_part_of_a_humming_line_is_not_a_contact(turn):
     rng = np.random.default_rng(3)
     hum = 0.02 * rng.standard_normal((24, 24))
     hum[10:12] += 0.6

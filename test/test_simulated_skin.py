@@ -103,7 +103,7 @@ def test_the_tpdos_are_sent_in_the_order_of_the_layout(tmp_path):
         assert bench.driver.statistics().pads['pad32'].orders == (None,)
 
 
-def test_written_mapping_transmission_type_and_cob_id_are_obeyed(wire):
+def test_the_skin_applies_a_written_mapping_transmission_type_and_cob_id(wire):
     """TPDO 1 maps 0x210F sub 16 and 0x2101 sub 1, which have the counts 255 and 16.
 
     The device sends TPDO 1 with the COB-ID 0x3AA at every second SYNC.

@@ -221,7 +221,7 @@ def test_idle_counts_press_nothing_and_a_light_contact_on_them_is_found(deviatio
 
 
 @pytest.mark.parametrize('before', [None, 0.0, 0.04])
-def test_a_wide_halo_is_no_contact_whatever_rested_before(before):
+def test_a_wide_halo_is_not_a_contact_after_any_earlier_contact(before):
     y, x = np.mgrid[:9, :16]
     away = np.hypot(np.maximum(np.abs(y - 4) - 2, 0), np.maximum(np.abs(x - 11) - 2, 0))
     frame = np.where(away == 0, 1.0, 0.04 + 0.3 / (1 + away ** 2 / 9) ** 1.5)

@@ -110,7 +110,7 @@ def of(taxels):
     (abs(np.hypot(Y - 15, X - 15) - 7) < 1.5, UnknownReason.HOLLOW),
     (np.hypot(Y, X - 15) < 8, UnknownReason.CUT_BY_EDGE),
     ((abs(Y - 15) < 2) & (abs(X - 15) < 9) | (abs(X - 15) < 2) & (abs(Y - 15) < 9), UnknownReason.UNFAMILIAR)])
-def test_a_contact_that_is_none_of_the_shapes_says_why(taxels, reason):
+def test_a_contact_of_an_unknown_shape_has_a_reason(taxels, reason):
     if reason is UnknownReason.SEVERAL_PARTS:
         labels = ndimage.label(taxels)[0]
         pattern = of(taxels)._replace(mask=labels == 1, contacts=int(labels.max()))

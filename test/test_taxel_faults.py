@@ -100,7 +100,7 @@ def test_as_many_taxels_as_make_a_contact_are_an_object_however_still():
     assert not pad.ever.any()
 
 
-def test_a_dead_column_is_found_where_it_was_touched():
+def test_a_dead_column_is_found_in_its_touched_part():
     masks = places(20)
     found = Pad(setting((slice(None), 6), 0.0)).touches(*masks)
     reached = {(row, 6) for row in range(4, 8)}
@@ -139,7 +139,7 @@ def test_healthy_pads_stay_unsuspected():
 
 @pytest.mark.parametrize('hole', [1.2, 1.6, 2.1])
 @pytest.mark.parametrize('scatter', [0.5, 1.5])
-def test_a_ring_that_comes_back_a_little_beside_is_no_fault(hole, scatter):
+def test_a_ring_that_returns_slightly_displaced_causes_no_fault(hole, scatter):
     random = np.random.default_rng(9)
     pad = Pad()
     pad.touches(*[disc(*random.normal(6, scatter, 2), hole + 2, hole=hole) for _ in range(200)], press=4, pause=4)
@@ -156,7 +156,7 @@ def test_a_taxel_that_sticks_in_a_touch_is_found_by_the_next_ones_in_the_same_pl
     assert found.places(STUCK) == stuck and found.total == len(stuck)
 
 
-def test_frames_without_values_are_no_evidence():
+def test_frames_without_values_add_no_evidence():
     pad = Pad(lambda values, n: np.where(n % 3 == 0, np.nan, values))
     pad.touches(*places())
     assert not pad.ever.any()
@@ -225,7 +225,7 @@ def test_a_weak_taxel_is_not_dead():
     assert not pad.ever.any()
 
 
-def test_gains_act_on_what_is_above_zero():
+def test_gains_multiply_the_readings_above_the_zero():
     tared, gains = TaredPad(GUARD), np.array([[1, 2], [0.5, 4]], np.float32)
     tared.offset = np.full((2, 2), 10, np.float32)
     pad = ConditionedPad(tared, FaultDetector(2, 2, LIMIT), known((1, 1, DEAD)), gains)

@@ -60,7 +60,7 @@ def test_a_table_has_the_taught_shapes_too(file, tmp_path, capsys, options):
     assert 'cross' in {row['shape'] for row in rows}
 
 
-def test_a_cross_is_recognised_where_no_frame_of_the_touch_was_taught(file):
+def test_a_cross_is_recognised_in_touches_that_were_not_taught(file):
     recogniser, rng = Recogniser(file=file), rng_of(10)
     found = [recogniser.recognise(find_contact(50e3 * cross(rng))) for _ in range(60)]
     assert sum(each.shape == TaughtShape('cross') for each in found) >= 57
@@ -153,7 +153,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize('change', HOSTILE.values(), ids=HOSTILE)
-def test_a_file_that_is_no_taught_file_is_refused_with_our_error(arrays, change, tmp_path):
+def test_a_file_without_taught_shapes_is_refused_with_our_error(arrays, change, tmp_path):
     path = tmp_path / 'hostile.npz'
     with np.errstate(all='ignore'):
         np.savez(path, **change(arrays))
@@ -187,7 +187,7 @@ def recordings(tmp_path_factory):
     return folder
 
 
-def test_the_command_refuses_what_is_not_good_enough_unless_it_is_accepted(recordings, capsys, monkeypatch, background):
+def test_the_command_refuses_poor_recognition_unless_it_is_accepted(recordings, capsys, monkeypatch, background):
     monkeypatch.setattr('tactile_node.cli.teach.load_background', lambda kind: background)
     output, picture = recordings / 'own.npz', recordings / 'confusion.png'
     given = ['teach', '--name', 'coin', '--from', str(recordings / 'discs.npy'), '--output', str(output)]

@@ -82,7 +82,7 @@ def test_the_same_port_of_an_adapter_with_two_ports_is_opened(plugged):
     assert port.channel() == '/dev/ttyACM3@115200'
 
 
-def test_a_port_that_is_no_usb_device_keeps_its_name(plugged):
+def test_a_port_that_is_not_a_usb_device_keeps_its_name(plugged):
     port = opened(plugged, usb('/dev/ttyACM0'), channel='/dev/ttyS0')
     plugged.append(usb('/dev/ttyACM1'))
     assert port.channel() == '/dev/ttyS0'

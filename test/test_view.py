@@ -204,7 +204,7 @@ def test_a_pad_is_live_by_its_newest_valid_taxel(age, taxel, is_live):
     assert not Scales().drawn('left', None, age).is_live
 
 
-def test_a_dead_skin_of_which_frames_come_is_not_live():
+def test_a_dead_skin_that_still_sends_frames_is_not_live():
     """The driver continues to publish frames with current stamps, but every taxel is NaN."""
     dead = drawn(0.05, values=np.full((4, 4), NAN))
     shown = pads_html([dead], 1)
@@ -320,7 +320,7 @@ def test_the_sketch_is_covered_unless_it_is_current_by_its_own_receipt(age, is_c
     assert ('tactile-scene-current' in shown) is is_current
 
 
-def test_stamps_of_another_time_are_said_to_be_a_replay():
+def test_stamps_of_another_time_are_reported_as_a_replay():
     """A replay publishes stamps from its log, which lie in the past."""
     behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
     assert behind == pytest.approx(7200)
@@ -330,7 +330,7 @@ def test_stamps_of_another_time_are_said_to_be_a_replay():
     assert np.isnan(clock_difference([drawn(9.0, stamp=1000.0)], 8200.1))
 
 
-def test_a_status_that_is_no_longer_sent_is_called_old():
+def test_a_status_that_is_no_longer_sent_is_marked_as_old():
     """The driver died after its last message, which reported no failure."""
     well = BusFacts('', 0.1, {}, ())
     assert 'OLD: nothing newer for 12 s' in health_table(well, 12.0) and 'OLD' not in health_table(well, 1.1)
@@ -437,7 +437,7 @@ def test_a_terminal_shows_shape_and_size(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_name_is_no_command_to_the_terminal(monkeypatch):
+def test_a_name_is_not_a_command_to_the_terminal(monkeypatch):
     """A bag from another source may contain a name with control characters.
 
     The sequence ESC c would clear the terminal.

@@ -101,7 +101,7 @@ def test_an_image_is_the_taxels_row_by_row_with_frame_and_stamp_unchanged():
     assert image.header == message.header
 
 
-def test_a_coloured_image_has_three_bytes_a_pixel_from_nothing_to_full_scale():
+def test_a_coloured_image_has_three_bytes_for_each_pixel_from_0_to_full_scale():
     message = taxels([[0, 100e3, NAN], [200e3, -5, 90e3]], saturated=[(1, 2)])
     image = colour_image(message, ColourScale(100e3))
     assert (image.height, image.width, image.encoding, image.step) == (2, 3, 'rgb8', 9)
@@ -179,7 +179,7 @@ def test_an_empty_pad_that_was_seen_has_no_force():
     taxels(pressed((3, 7, 4, 4)), saturated=[(4, 8)]),  # The force on the saturated taxel may exceed its reading.
     taxels(pressed((3, 7, 4, 4), value=1.0), unit='1'),
     taxels(pressed(), unit='1')], ids=['room', 'silent', 'elsewhere', 'beside', 'saturated', 'on_off', 'on_off_empty'])
-def test_a_force_that_is_not_known_is_no_number(message):
+def test_an_unknown_force_is_nan(message):
     assert all(map(math.isnan, wrench(message)))
 
 

@@ -59,7 +59,7 @@ def test_hidden_taxels_in_a_contact_and_around_it():
     ([(2, 6), (2, 7)], True),  # One of the two hidden taxels lies in the ring.
     ([(2, 8), (3, 8), (4, 8), (5, 8)], False),  # These hidden taxels lie beyond the ring.
     ([(1, 1), (7, 6), (8, 8), (0, 4), (4, 3)], False)])  # The hidden taxels are scattered.
-def test_a_contact_may_continue_where_a_group_of_hidden_taxels_has_room_for_one(hidden, expected):
+def test_a_contact_may_continue_under_a_group_of_hidden_taxels_with_room_for_one(hidden, expected):
     frame = np.zeros((9, 9))
     frame[2:7, 2:6] = 9
     for place in hidden:
