@@ -22,7 +22,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                help="number of taxel frames to average (default: the driver's parameter, 50)")
     parser.add_argument('--on-device', action='store_true', help='let the device zero itself first (CiA 404, 0x6125)')
     add_number(parser, '--wait', limits={'unit': 's'}, default=DEFAULT_WAIT, metavar='SECONDS', help='time for which '
-               'the command tries again while a pad is pressed [s] (default: %(default)s)')
+               'the command retries while a pad is pressed [s] (default: %(default)s)')
     parser.add_argument('--namespace', default='', help='namespace of the driver')
 
 

@@ -47,8 +47,8 @@ APPLIED_OPTIONS = {
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('recording', nargs='?', help='CAN log as for `tactile record`, or a ROS 2 bag')
     add_bus_options(parser, is_set=False)
-    parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: for topics, '
-                        'all pads that are found; else pad<node-ID>)')
+    parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: all pads found '
+                        'on the topics, or pad<node-ID> for any other source)')
     add_skin_options(parser)
     add_any_device_option(parser)
     add_window_options(parser)
