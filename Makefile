@@ -1,6 +1,6 @@
-# Two commands: `make demo` shows the package at work, `make test` checks it. Each sets up all it needs
-# in .venv (Python 3.10-3.13, make and a C/C++ compiler are all it assumes); repeated, it takes seconds.
-# On a robot, inside a ROS 2 workspace, none of this is needed: rosdep install, colcon build.
+# `make demo` shows the package at work, and `make test` checks it. Both commands first set up .venv, which needs only
+# Python 3.10-3.13, make and a C/C++ compiler. A repeated setup takes seconds.
+# On a robot with a ROS 2 workspace, rosdep and colcon install the package without make.
 
 PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 python3,\
 	$(shell $(v) -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
@@ -8,20 +8,20 @@ PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 py
 VENV := $(CURDIR)/.venv
 BENCH_VENV := $(CURDIR)/.venv-bench
 BIN := $(VENV)/bin
-# What the environment is made of; `make lowest` and `make kilted` name others.
+# Parts of the environment; `make lowest` and `make kilted` use other parts.
 LOCK := requirements/lock.txt
 BUILD := build
 UV := $(or $(wildcard $(BIN)/uv),uv)
 SOURCES := package.xml CMakeLists.txt setup.py setup.cfg \
 	$(shell find tactile_node msg srv action config launch urdf scripts -type f -not -name '*.pyc')
 
-# ROS: everything stays on this machine; the environment is its own ament prefix.
+# All ROS traffic stays on this machine, and the environment is its own ament prefix.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export AMENT_PREFIX_PATH := $(VENV)
 export CMAKE_PREFIX_PATH := $(VENV)
 export PYTHONUNBUFFERED := 1
 unexport PYTHONPATH
-# Where compiled modules are not wanted beside the sources they are kept here: each process would compile them again.
+# If no compiled modules may lie beside the sources, this folder keeps them; otherwise each process would compile again.
 ifdef PYTHONDONTWRITEBYTECODE
 unexport PYTHONDONTWRITEBYTECODE
 export PYTHONPYCACHEPREFIX := $(VENV)/pycache
@@ -76,8 +76,8 @@ demo: setup  ## press five shapes on a simulated gripper skin, live in the termi
 check: lint  ## run the style checks and the fast tests while you work (under a minute)
 	@$(MAKE) --no-print-directory --jobs 2 $(FAST_LANES)
 
-# Tests in real time begin first. They sleep a lot, so one lane that only computes runs beside them: they have to pass
-# on a busy machine too. All lanes run, also where one has failed.
+# The real-time tests start first. They mostly sleep, so one lane that only computes runs beside them, and they have to
+# pass on a busy machine too. All lanes run, even if one lane has failed.
 test: setup messages  ## run all checks of the project, and print how long they took
 	@failed=0; \
 	TIMEFORMAT='make test took %0R s, of the processor %0U s and %0S s'; \
@@ -88,12 +88,12 @@ test: setup messages  ## run all checks of the project, and print how long they 
 		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"; \
 	exit $$failed
 
-# Packages that ROS has and PyPI lacks: they are a part of setting up, once, and no test has to wait for them.
+# These packages are in ROS, but not on PyPI. The setup builds them once, so that no test has to wait for them.
 .PHONY: messages
 messages: setup
 	@$(BIN)/python test/built_messages.py tf2_msgs control_msgs
 
-# Each line begins with its lane. By exec the tests get the signal that ends make.
+# Each line of output begins with its lane. With exec, the tests receive the signal that ends make.
 REAL_TIME_LANES := lane-ros-1 lane-ros-2 lane-bus
 FAST_LANES := lane-fast-1 lane-fast-2
 COMPUTING_LANES := lint lane-slow $(FAST_LANES)
@@ -118,7 +118,7 @@ lane-fast-1 lane-fast-2: lane-fast-%: setup
 lane-socketcan: setup
 	@$(LANE) $(MAKE) --no-print-directory socketcan || { [ $$? -eq 2 ] && [ -f build/socketcan/not_run ]; }
 
-# Debian's chromium, not playwright's own download: the machine of the tests may have no internet.
+# The test uses Debian's chromium instead of playwright's download, because the machine may have no internet access.
 view-test: setup  ## test tactile view in headless Chromium (apt-get install chromium); pictures in build/view/
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null \
 		|| { echo 'view-test: expected Chromium, got none. Install it: apt-get install chromium'; exit 2; }
@@ -157,7 +157,7 @@ faults: setup  ## inject every fault of the catalogue, and print what the user s
 fuzz: setup  ## test a million random CAN messages, ten thousand broken files, a million sweeps with random timing
 	@$(BIN)/python test/fuzzing.py
 
-# Those that run longer or more cases with TACTILE_LONG.
+# Test files that run longer, or with more cases, with TACTILE_LONG.
 LONG_TESTS := test/test_hand_over.py test/test_planner_client.py test/test_steadiness.py test/test_drift.py \
 	test/test_full_bus.py test/test_motion.py test/test_fit_following.py test/test_noise_floor.py \
 	test/test_assembler.py test/test_calibration.py test/test_contact_moments.py test/test_event_driven.py \
@@ -170,7 +170,7 @@ misled: setup  ## measure false claims to a consumer when the skin, the bus or a
 		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }; done
 	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)
 
-# Tests are skipped, with the reason, where this machine makes no network namespaces. In the end, pytest's summary.
+# If this machine cannot create network namespaces, the tests are skipped, and pytest's summary gives the reason.
 HOSTS_TESTS := test/test_hosts.py test/test_other_version.py test/test_link.py
 hosts: setup  ## test driver and planner on two hosts, also on lossy links (minutes; TESTS=test/test_link.py)
 	@TACTILE_LONG=1 timeout -s INT 1h $(BIN)/python -m pytest $(or $(TESTS),$(HOSTS_TESTS)) -v -s -rfEs --durations=0 \
@@ -179,7 +179,7 @@ hosts: setup  ## test driver and planner on two hosts, also on lossy links (minu
 soak: setup  ## run two pads at full bus load: lost TPDOs, memory and latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)
 
-# Python 3.12 with the numpy, scipy and python-can of Ubuntu 24.04: what a robot with ROS 2 Jazzy has.
+# Python 3.12 with the numpy, scipy and python-can of Ubuntu 24.04, as on a robot with ROS 2 Jazzy.
 LOWEST_PYTHON ?= python3.12
 lowest:  ## run the tests with the lowest versions that setup.cfg allows (LOWEST_PYTHON=/path/to/python3.12)
 	@$(MAKE) --no-print-directory setup VENV=$(CURDIR)/.venv-lowest PYTHON=$(LOWEST_PYTHON) BUILD=build/lowest \
@@ -192,7 +192,7 @@ dist: setup  ## build dist/*.whl and *.tar.gz, and try each of them in a fresh e
 deb: setup  ## build dist/python3-canopen_*.deb for robots without pip (neither Debian nor Ubuntu has canopen)
 	@$(BIN)/python tools/make_canopen_deb.py dist
 
-# In a root of Debian's packages alone, thrown away in the end; needs root.
+# The test runs as root in a temporary root file system that contains only Debian packages.
 ROBOT_PACKAGES = $(shell sed -n 's:.*<exec_depend>\(python3-[a-z0-9]*\)<.*:\1:p' package.xml | paste -sd,)
 deb-test: deb  ## test this Debian package in a clean Debian without pip (SUITE=trixie; apt-get install mmdebstrap)
 	@mmdebstrap --quiet --variant=apt --format=null --include=$(ROBOT_PACKAGES) \
@@ -210,7 +210,7 @@ distros: setup  ## run the tests on ROS 2 Jazzy, then on Kilted, both from PyPI 
 	@$(BIN)/python -m pytest $(or $(TESTS),test) -q -p no:cacheprovider
 	@$(MAKE) --no-print-directory kilted
 
-# What the virtual machine runs; it ends with 77 where it cannot be started (no apt, not x86_64).
+# Tests that run in the virtual machine. The exit code is 77 if it cannot be started (no apt, or not x86_64).
 SOCKETCAN_TESTS := test/test_real_socketcan.py
 socketcan: setup  ## run the driver's tests on a real Linux CAN stack, in a small virtual machine
 	@$(BIN)/python tools/socketcan_vm.py "TACTILE_TEST_INTERFACE=socketcan OMP_NUM_THREADS=1 \
@@ -231,7 +231,7 @@ architecture: setup  ## draw docs/architecture.png from the imports
 commands: setup  ## list every command in the documents, with the test that runs it or its requirements
 	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/documented_commands.py
 
-# In a folder that comes before the environment's own libraries: Sphinx needs an older docutils than colcon has.
+# This folder precedes the environment's own libraries, because Sphinx needs an older docutils than colcon.
 DOCS_PACKAGES := $(VENV)/docs
 $(DOCS_PACKAGES)/.installed: requirements/docs.txt | setup
 	@echo 'Sphinx in .venv/docs (once)'
@@ -244,8 +244,8 @@ docs: setup $(DOCS_PACKAGES)/.installed  ## build the documentation site in buil
 	@PYTHONPATH=$(CURDIR):$(DOCS_PACKAGES) $(BIN)/python -m sphinx -W --keep-going -q -E -b html docs $(BUILD)/docs
 	@echo 'docs: open $(BUILD)/docs/index.html'
 
-# With hashes in the file, pip installs only files that have one of them. Extras stay in it: pip before 23.3 else takes
-# the newest release of `coverage[toml]`, which has no hash there.
+# With hashes in the file, pip installs only files with one of these hashes. Extras stay in the file, because pip before
+# 23.3 would otherwise choose the newest release of `coverage[toml]`, which has no hash in the file.
 PIN = $(UV) pip compile --universal --no-strip-extras --python-version 3.10 --no-header --no-annotate \
 	--no-emit-index-url --quiet
 PINNED = sed -i '1i \# Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".'
@@ -254,7 +254,7 @@ lock:  ## pin the versions from requirements/*.in; versions that are already pin
 	@cat requirements/ros_kilted.in requirements/core.in | $(PIN) - --generate-hashes -o requirements/lock_kilted.txt
 	@$(PIN) requirements/docs.in --generate-hashes -o requirements/docs.txt
 	@$(PINNED) requirements/lock.txt requirements/lock_kilted.txt requirements/docs.txt
-	@# What torch needs for a GPU is left to pip: not every torch has it.
+	@# pip selects the GPU dependencies of torch, because not every torch has them.
 	@$(PIN) requirements/bench.in | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
 clean:  ## remove all files that make has built
