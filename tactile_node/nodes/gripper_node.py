@@ -324,7 +324,7 @@ class GripperNode(Node):
                     run.reason = NOT_ENDING if is_answered and not is_ended else ''
                     return end
                 self._client.forget()
-        self._decide(run)  # decided again, because the gripper may have moved in the meantime
+        self._decide(run)  # a new decision, because the gripper may have moved in the meantime
         run.waits = False
         return run.outcome
 

@@ -70,8 +70,8 @@ def _cob_id(dictionary: ObjectDictionary, index: int, node_id: int) -> objects.C
     return objects.CobId(base & objects.ID_MASK, bool(variable.relative))
 
 
-FILL_IN = 'FILL IN'     #: marks a value that no EDS contains
-GUESS = 'GUESS'         #: marks a value that this EDS does not contain
+FILL_IN = 'FILL IN'     #: mark of a value that no EDS contains
+GUESS = 'GUESS'         #: mark of a value that this EDS does not contain
 MAX_BITS = 32           #: maximum number of bits per taxel
 TAXELS_IN_LINE = 6      #: number of taxels in each line of a list
 

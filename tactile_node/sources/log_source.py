@@ -165,7 +165,7 @@ class LogSource:
                 yield message
             if not self._loop or first is None or last is None:
                 return
-            self._router.end()  # otherwise the first CAN frames could complete the last sweep
+            self._router.end()  # without this, the first CAN frames could complete the last sweep
             self._unread += self.reader.unread
             shift += last - first
 
