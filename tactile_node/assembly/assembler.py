@@ -105,15 +105,15 @@ class FrameAssembler(PadAssembler):
         super().__init__(layout, node_ids)
         self._one_clock = one_clock
         self._node_ids = tuple(node_ids)
-        self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
+        self._nodes = [tpdo.node for tpdo in layout.tpdos]  # node number by rank
         self._layout_orders = [[rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node]
                                for node in range(len(node_ids))]
         self._ranks_of_nodes = [np.array(ranks) for ranks in self._layout_orders]
-        self._names = [tpdo.name for tpdo in layout.tpdos]  # by rank
-        self._orders = list(self._layout_orders)  # for each node, the order in which its TPDOs arrive
+        self._names = [tpdo.name for tpdo in layout.tpdos]  # TPDO name by rank
+        self._orders = list(self._layout_orders)  # order in which the TPDOs of each node arrive
         self._syncs = 0
-        self._distinct = [0] * len(layout.tpdos)  # by rank
-        self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
+        self._distinct = [0] * len(layout.tpdos)  # number of TPDOs received without duplicates, by rank
+        self._fresh = np.zeros(len(layout.tpdos), int)  # number of TPDOs used in frames, by rank
 
         # previous period, not emitted yet because the end of its sweep may still arrive
         self._before: SweepPeriod | None = None

@@ -79,7 +79,7 @@ class GraspState(NamedTuple):
     contact: GraspContact
     fresh: bool        #: True if both sides are current and were acquired at nearly the same time
     same_shape: bool   #: True if both sides are touched and report the same known shape
-    line: Line | None  #: None unless the contact is TWO_SIDED and fresh, and both centres are known
+    line: Line | None  #: line of a fresh TWO_SIDED contact with two known centres, or None
     line_is_bound: bool
     held: float  #: time for which the shapes and centres on both sides have stayed the same [s]
 
