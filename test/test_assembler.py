@@ -118,7 +118,7 @@ def test_a_sweep_that_is_late_as_a_whole_goes_back_to_its_period(assembler):
     assert last[0].stamp == 0 and assembler.statistics()[:5] == (2, 0, 6, 6, 6) and is_balanced(assembler)
 
 
-def test_a_node_that_was_started_owes_nothing(assembler):
+def test_a_started_node_is_not_behind(assembler):
     """After a power cycle, the supervisor starts the node in the middle of a period."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     for stamp in range(50):

@@ -102,7 +102,7 @@ def test_the_counts_are_those_of_a_list_made_up():
     assert [(group.right.right, group.right.total) for group in answers.groups()] == [(0, 0), (1, 1), (0, 1), (2, 5)]
 
 
-def test_a_recogniser_that_is_too_sure_is_better_on_touches_that_it_has_not_seen(base, assessed):
+def test_an_overconfident_recogniser_improves_on_unseen_touches(base, assessed):
     """The fresh touches cover all eight objects on the assessed skin and were not used in the assessment."""
     fresh = touches_of(EVERY, 2)
     before, after = answers_to(base, fresh), answers_to(adapted(base, assessed), fresh)

@@ -63,7 +63,7 @@ def surplus(rates: tuple[float, ...], held=lambda now: 0.0, seconds: float = 5.0
             for now in times(seconds)]
 
 
-def test_a_tpdo_that_comes_twice_a_sync_is_found_within_a_second():
+def test_a_tpdo_that_arrives_twice_per_sync_is_found_within_a_second():
     found = surplus((1.0, 2.0, 1.0))
     assert found[50] == found[-1] == (1,) and set(found) == {(), (1,)}
 

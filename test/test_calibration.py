@@ -205,7 +205,7 @@ def test_presses_are_separated_by_rest_and_by_place():
     assert [len(press.frames) for press in found.touches] == [PRESS_FRAMES, 2, 2] and not found.unused
 
 
-def test_frames_of_no_use_are_counted_by_reason():
+def test_unusable_frames_are_counted_by_reason():
     two = np.maximum(disc(6, 6, 4), disc(17, 17, 4))
     hidden = disc(12, 12)
     hidden[10:14, 8:14] = np.nan
@@ -252,7 +252,7 @@ def test_the_command_says_what_it_needs(words, says, capsys):
     assert says in capsys.readouterr().err
 
 
-def test_a_known_layer_makes_the_fit_surer_and_a_wrong_one_is_refused():
+def test_a_known_layer_makes_the_fit_more_certain_and_a_wrong_layer_is_refused():
     values, noise = disc(12, 12, 4.5), np.random.default_rng(0).normal(0, 500, (24, 24))
     mask = values > 25e3
     free, known = (fit_shape(values + noise, mask, Shape.CIRCLE, 0.002, layer) for layer in (None, Layer(0.0012, 0.1)))

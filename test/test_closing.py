@@ -76,14 +76,14 @@ def closing(force=0.0, opening=0.0, speed=0.0, limits=LIMITS, start=0.06):
     return Closing(make_goal(opening, speed, force, limits), limits, 0.0, start)
 
 
-def test_without_a_force_it_stops_when_both_pads_are_touched():
+def test_the_gripper_stops_without_a_force_limit_when_both_pads_are_touched():
     world = World()
     outcome, _ = world.close(closing())
     assert outcome is Outcome.TOUCHED and 0 < world.strongest < LIMITS.overshoot(LIMITS.fast_speed)
 
 
 @pytest.mark.parametrize('force', [1.0, 5.0, 12.0])
-def test_with_a_force_it_stops_once_the_stronger_pad_reads_it(force):
+def test_the_gripper_stops_once_the_stronger_pad_reads_the_force(force):
     world = World()
     outcome, _ = world.close(closing(force))
     assert outcome is Outcome.FORCE_REACHED
@@ -189,7 +189,7 @@ def test_one_frame_that_is_not_seen_changes_nothing_but_what_the_other_pad_reads
 
 
 @pytest.mark.parametrize('pad', [PadForce(0.1, is_hidden=True), PadForce(math.nan)], ids=['hidden', 'on/off'])
-def test_a_force_that_may_be_any_is_not_trusted(pad):
+def test_an_indefinite_force_is_not_trusted(pad):
     world = World(bends=lambda real, now: pad if real.force > 0 else real)
     assert world.close(closing(5.0))[0] is Outcome.FORCE_NOT_KNOWN
     assert world.strongest < 2 * LIMITS.overshoot(LIMITS.fast_speed)

@@ -175,7 +175,7 @@ def test_the_force_of_a_pad_is_that_of_all_its_contacts():
     assert pad_force(found_in(pressed(LARGEST, SECOND, level=0.1), unit='N')).force == pytest.approx(5.2)
 
 
-def test_an_empty_pad_has_no_force_and_one_that_is_not_seen_none_that_is_known():
+def test_an_empty_pad_has_no_force_and_an_unseen_pad_has_an_unknown_force():
     assert pad_force(found_in(np.zeros((16, 16)))) == (0.0, False)
     hidden = np.zeros((16, 16))
     hidden[:7] = np.nan
@@ -339,7 +339,7 @@ def test_without_visible_noise_deviations_are_not_known():
     assert np.isnan(moments(on_off, unit='1').centre_of_pressure_sd).all()
 
 
-def test_a_noise_of_each_taxel():
+def test_each_taxel_has_its_own_noise():
     noise = np.where(MASK, [[0, 30.0, 0], [0, 40.0, 0], [0, 0, 0]], 1.0)
     found = contact_moments(VALUES, MASK, PITCH, 'Pa', noise=noise)
     assert found.force_sd == pytest.approx(50 * PITCH**2)

@@ -96,7 +96,7 @@ def test_a_device_of_another_layout_is_set_up():
 @pytest.mark.parametrize('options', [
     {'fixed': [(0x1A00, 0)]}, {'fixed': [(0x1A01, 0)]}, {'fixed': [(0x1A01, 2)]}, {'kept': [(0x1A01, 1)]},
     {'fixed': [(0x1801, 2)]}, {'kept': [(0x1801, 2)]}], ids=str)
-def test_a_device_that_refuses_its_set_up_is_left_as_it_was(options):
+def test_a_device_that_refuses_its_setup_keeps_its_settings(options):
     """A device that refused its setup was once left with disabled or half-written TPDOs."""
     device = of_another_layout(**options)
     before = records(device)
@@ -107,7 +107,7 @@ def test_a_device_that_refuses_its_set_up_is_left_as_it_was(options):
                                and place[1] <= 2} == {}
 
 
-def test_a_set_up_that_is_interrupted_is_taken_back():
+def test_an_interrupted_setup_is_undone():
     device = of_another_layout()
     before = records(device)
     with pytest.raises(InterruptedSetupError):

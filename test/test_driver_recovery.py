@@ -190,7 +190,7 @@ def test_activate_may_be_tried_again_after_an_outage(chain):
     chain.until(lambda: chain.taxels, 'no taxels')
 
 
-def test_a_transition_that_does_not_fit_is_answered_and_ends_nothing(chain):
+def test_an_invalid_transition_is_answered_and_ends_nothing(chain):
     chain.node.autostart()
 
     def is_made(number):

@@ -133,7 +133,7 @@ def test_a_changed_order_makes_two_incomplete_frames(sweeps):
 
 
 @pytest.mark.parametrize('at', [4.0, 4.9995, 5.09])
-def test_a_stamp_out_of_range_is_of_another_sweep(sweeps, at):
+def test_a_stamp_out_of_range_belongs_to_another_sweep(sweeps, at):
     send(sweeps, 0, 5.0, 11)
     results = send(sweeps, 1, at, 12) + sweeps.end_period()
     assert [rows(frame) for frame in frames(results)] == [[11, None, None], [None, 12, None]]

@@ -161,7 +161,7 @@ def test_a_contact_that_jumps_is_searched_for_at_once(searches):
 
 
 @pytest.mark.parametrize('kinds', [('punch', 'ball'), ('ball', 'punch')], ids='-'.join)
-def test_a_punch_that_becomes_a_ball_of_the_same_outline_is_as_large_and_as_sure_as_searched_for(kinds):
+def test_a_punch_that_becomes_a_ball_with_the_same_outline_is_fitted_as_by_a_search(kinds):
     indenters = {'punch': flat_punch(Contact('circle', PUNCHES['circle'], 0.0, 0.0), 0.03, 0.12), 'ball': ball(0.1)}
     fields = [stress_field(solve(indenters[kind], (0.05, 0.03)), 60.0, DEPTH) for kind in kinds]
     follower, rng = FitFollower(), np.random.default_rng(20261126)
@@ -224,7 +224,7 @@ def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize('load, hidden', [(0.05, 0), (0.1, 0), (0.2, 0), (1.0, 13), (1.0, 15)])
-def test_a_circle_first_seen_badly_is_as_large_as_searched_for(load, hidden):
+def test_a_circle_first_seen_badly_is_fitted_as_by_a_search(load, hidden):
     """A circle that is touched lightly or is half hidden may look like a cone, whose fitted radius is larger."""
     pairs = np.array([first_press(number, load, hidden) for number in range(40 if LONG else 12)])
     assert abs(pairs[:, 0] - pairs[:, 1]).max() < 0.1

@@ -141,7 +141,7 @@ def png_with_a_transparent_grey(path, depth, row, grey):
 
 @pytest.mark.parametrize(('depth', 'row', 'grey'), [(8, b'\x09\xff', 255), (16, b'\x00\x09\xff\xff', 65535)])
 def test_a_transparent_grey_has_no_value(tmp_path, depth, row, grey):
-    """Read as an opaque pixel, this grey would be the brightest one and count as the hardest press."""
+    """If the reader treated this grey as opaque, the pixel would be the brightest and count as the hardest press."""
     found = read_frames(png_with_a_transparent_grey(tmp_path / 'x.png', depth, row, grey)).values
     np.testing.assert_allclose(found, [[[9 / (2 ** depth - 1), np.nan]]])
 

@@ -155,7 +155,7 @@ def test_after_a_long_time_unseen_it_starts_again():
     assert fusion.update(1.1, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
 
 
-def test_unseen_between_two_contacts_joins_none_of_their_evidence():
+def test_two_contacts_with_an_unseen_time_between_them_share_no_evidence():
     fusion = RecognitionFusion()
     feed(fusion, [SQUARE] * 50)
     fusion.update(0.5, Recognition.certain(Shape.NONE))

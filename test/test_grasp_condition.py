@@ -110,7 +110,7 @@ def test_the_condition_fails_if_the_object_is_not_held_or_not_seen(held, states)
 
 
 @pytest.mark.parametrize('required, expected', [({}, Status.SUCCESS), ({'min_confidence': 0.5}, Status.FAILURE)])
-def test_a_shape_that_is_surely_unknown_is_not_sure(held, required, expected):
+def test_a_certainly_unknown_shape_is_not_a_confident_name(held, required, expected):
     """If a minimum confidence is required, an unknown shape fails, however confident the recogniser is of "unknown"."""
     grasp = held.message(held._tracker.state(held.now))
     grasp.shape, grasp.class_name, grasp.confidence = ContactShape.UNKNOWN, 'unknown', 0.5

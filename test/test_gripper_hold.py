@@ -150,7 +150,7 @@ def test_the_hold_waits_while_a_pad_is_unseen_for_a_moment(held):
     assert not ends(bench)
 
 
-def test_a_force_that_may_be_more_is_not_added_to(held):
+def test_the_gripper_does_not_press_harder_on_a_possibly_larger_force(held):
     bench = held()
     bench.pads.change = set_(force_is_bound=[True, True], at_edge=[True, True])
     bench.wait(0.05)
@@ -202,7 +202,7 @@ def test_losing_the_object_ends_the_hold(held):
     assert bench.motor.opening == stopped and not bench.motor.moves
 
 
-def test_a_new_goal_ends_it_and_is_held_itself(held):
+def test_a_new_goal_ends_the_hold_and_is_held_itself(held):
     bench = held()
     refused = bench.close(position=math.nan)[2]
     assert refused.outcome == Outcome.REFUSED and not ends(bench)
@@ -243,7 +243,7 @@ def test_a_cancel_of_the_goal_that_has_ended_changes_nothing(make_bench):
     (lambda bench: bench.motor.fall_silent(), Outcome.GRIPPER_SILENT),
     (lambda bench: setattr(bench.motor, 'blocked_at', bench.motor.opening), Outcome.STALLED)],
     ids=['rejects', 'dead', 'silent', 'stalls'])
-def test_a_gripper_that_does_not_take_the_correction_ends_it(held, fault, expected):
+def test_a_gripper_that_does_not_accept_the_correction_ends_the_hold(held, fault, expected):
     bench = held()
     fault(bench)
     bench.pads.width -= SHRINKS

@@ -74,7 +74,7 @@ def test_messages_sent_in_a_step_arrive_before_its_end(make_bench):
 
 @pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
 @pytest.mark.parametrize('kind', KINDS)
-def test_without_effort_it_stops_when_both_pads_are_touched(make_bench, kind, stop_by):
+def test_a_goal_without_effort_ends_when_both_pads_are_touched(make_bench, kind, stop_by):
     bench = make_bench(kind, {'stop_by': stop_by})
     status, state, outcome = bench.close(position=0.0)
     assert (status, outcome.outcome, state.stalled, state.reached_goal) == (SUCCEEDED, Outcome.TOUCHED, True, False)
@@ -87,7 +87,7 @@ def test_without_effort_it_stops_when_both_pads_are_touched(make_bench, kind, st
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_with_an_effort_it_stops_at_that_force_and_goes_slowly_from_the_touch_on(make_bench, kind):
+def test_a_goal_with_an_effort_ends_at_that_force_and_closes_slowly_after_the_touch(make_bench, kind):
     bench = make_bench(kind)
     status, state, outcome = bench.close(position=0.0, effort=5.0)
     assert (status, outcome.outcome, state.stalled) == (SUCCEEDED, Outcome.FORCE_REACHED, True)
@@ -109,7 +109,7 @@ def test_a_gripper_in_radians_that_close_it_is_commanded_in_radians(make_bench):
     assert bench.close(position=0.0)[2].outcome == Outcome.REACHED and bench.motor.opening == pytest.approx(0.08)
 
 
-def test_without_an_object_it_reaches_its_goal(make_bench):
+def test_the_gripper_reaches_its_goal_without_an_object(make_bench):
     bench = make_bench(pads={'width': 0.0})
     status, state, outcome = bench.close(position=0.03)
     assert (status, outcome.outcome, state.stalled, state.reached_goal) == (SUCCEEDED, Outcome.REACHED, False, True)
@@ -168,14 +168,14 @@ def test_the_gripper_rests_while_a_pad_is_briefly_unseen(make_bench, kind, stop_
     assert outcome.outcome == Outcome.TOUCHED and bench.motor.opening < stopped
 
 
-def test_a_frame_now_and_then_that_is_not_seen_does_not_stop_it(make_bench):
+def test_occasional_unseen_frames_do_not_stop_the_gripper(make_bench):
     bench = make_bench()
     is_unseen = itertools.cycle([True, False, False])
     bench.pads.change = lambda message: unseen(message) if next(is_unseen) else message
     assert bench.close(position=0.0)[2].outcome == Outcome.TOUCHED
 
 
-def test_a_force_that_may_be_larger_stops_it(make_bench):
+def test_a_possibly_larger_force_stops_the_gripper(make_bench):
     """Each change makes a pad saturated, partly hidden, on/off or not seen, or makes its force a lower bound."""
     bench = make_bench()
     for change in (set_(saturated_taxels=[1, 0]), set_(hidden_taxels=[0, 2]), set_(forces=[math.nan, 0.2]),
@@ -374,7 +374,7 @@ def test_a_goal_that_cannot_be_used_is_refused_with_a_reason_and_changes_nothing
     (lambda bench: bench.motor.die(), Outcome.NO_GRIPPER),
     (lambda bench: bench.motor.fall_silent(), Outcome.GRIPPER_SILENT)],
     ids=['rejects', 'dead', 'silent'])
-def test_a_gripper_that_does_not_take_the_command(make_bench, fault, expected):
+def test_a_gripper_that_does_not_accept_the_command(make_bench, fault, expected):
     bench = make_bench()
     fault(bench)
     bench.wait(0.2)

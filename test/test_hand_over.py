@@ -297,7 +297,7 @@ def test_images_that_cannot_be_made_are_counted_and_cost_no_shape():
         until(lambda: process.input('/left/processor').counts.dropped[RejectReason.PROCESSING_FAILED] > 5)
 
 
-def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(monkeypatch):
+def test_neither_a_foreign_node_in_the_middle_of_the_chain_nor_our_own_is_used(monkeypatch):
     with Process() as process:
         stage = process.input('/left/classifier')
         until(lambda: (process.send(), time.sleep(PERIOD), stage.counts.processed > 5)[-1])

@@ -160,7 +160,7 @@ def test_sizes_of_other_names_are_not_joined():
     (((True, False), (False, False)), ((0.030, False), (0.0095, False))),
     (((False, False), (True, False)), ((0.020, False), (0.0095, False))),
     (((True, False), (True, True)), ((0.030, True), (0.010, False)))])
-def test_a_bound_gives_way_to_a_size_and_of_two_the_larger_counts(bounds, expected):
+def test_a_size_replaces_a_bound_and_the_larger_of_two_bounds_is_used(bounds, expected):
     found = held(*(face('rectangle', dimensions=sizes, dimension_is_bound=each)
                    for sizes, each in zip(((0.020, 0.010), (0.030, 0.009)), bounds)))
     assert found.dimension_is_bound == tuple(is_bound for _, is_bound in expected)
@@ -241,7 +241,7 @@ def test_yaws_that_contradict_each_other_give_no_yaw(sds, apart, is_known):
         assert found.yaw == pytest.approx(apart / 2) and found.yaw_sd == pytest.approx(apart / 2)
 
 
-def test_an_apex_that_one_side_knows_is_known():
+def test_the_apex_is_known_if_one_side_knows_it():
     left, right = faces_of('isosceles_triangle', 2.0, DEFAULT)
     doubtful = right._replace(fit=right.fit._replace(symmetry=3, angle=right.fit.angle + 2 * pi / 3))
     found = held(left, doubtful)
@@ -289,7 +289,7 @@ def test_without_the_noise_of_the_taxels_the_grip_is_known_and_its_deviation_is_
 
 
 @pytest.mark.parametrize('changes', [{'force': nan}, {'force_is_bound': True}])
-def test_a_force_that_is_not_known_grips_with_none_that_is(changes):
+def test_the_grip_force_is_unknown_if_one_force_is_unknown(changes):
     for found in (held(face(**changes), face()), held(face(), face(**changes))):
         assert np.isnan((found.grip_force, found.grip_force_sd, found.force_imbalance)).all()
 

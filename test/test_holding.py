@@ -85,7 +85,7 @@ def holding(limits=LIMITS, opening=0.04, force=FORCE, **hold):
     return Holding(make_goal(0.0, 0.0, force, limits), limits, HoldLimits(**hold), 0.0, opening)
 
 
-def test_a_force_that_stays_moves_nothing():
+def test_a_constant_force_causes_no_movement():
     spring = Spring(noise=0.1)
     assert spring.hold(20.0, holding()) is None and not spring.corrections and spring.place == spring.first
 
@@ -127,7 +127,7 @@ def test_the_gripper_opens_further_above_the_highest_force():
     assert max(spring.forces) < 6.0 + control.deadband
 
 
-def test_without_a_measured_opening_it_never_opens():
+def test_the_hold_never_opens_the_gripper_without_a_measured_opening():
     spring = Spring(give=lambda now: -0.0005 * now)
     spring.hold(10.0, holding(TouchLimits(highest_force=6.0)), knows_opening=False)
     assert not spring.corrections

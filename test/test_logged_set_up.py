@@ -70,7 +70,7 @@ def outcome(tmp_path, *lines, **options):
     # These frames belong to another node.
     tuple(line.replace('601#', '602#').replace('581#', '582#') for line in mapped(2, 0x20000310)),
     (*mapped(9, 0x20000310), *upload(0x1808, 1, 0x80000281))])  # The device has no TPDO with this number.
-def test_a_set_up_that_fits_or_is_not_known_is_played(tmp_path, set_up):
+def test_a_matching_or_unknown_setup_is_played(tmp_path, set_up):
     assert outcome(tmp_path, *set_up, *SWEEP) == ([0], '')
 
 
@@ -132,7 +132,7 @@ def test_each_of_several_nodes_is_checked_against_its_own_part_of_the_layout(tmp
 
 @pytest.mark.parametrize(('own', 'strangers'), [
     ('#05', {}), ('#0500', {}), ('#', {'pad': [17]}), ('#R', {'pad': [17]})])
-def test_a_request_to_a_node_is_not_heard_as_the_node(tmp_path, own, strangers):
+def test_a_request_to_a_node_does_not_count_as_a_message_from_the_node(tmp_path, own, strangers):
     """A master guards node 1, but the bus has only node 17.
 
     One of the node's TPDOs has a COB-ID that belongs to the pad.

@@ -237,7 +237,7 @@ def test_joint_states_held_back_before_the_start_give_no_opening(gripper):
 
 
 @pytest.mark.parametrize('more', [{}, {'use_sim_time': True}])
-def test_a_measurement_that_is_sent_again_and_again_grows_old(gripper, more):
+def test_a_repeated_measurement_grows_old(gripper, more):
     gripper.make(**KNUCKLE, **more)
     sender = Sender(gripper, 1.7e9)
     sender.send_until_known()

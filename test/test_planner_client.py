@@ -226,7 +226,7 @@ def hide(world) -> None:
     *(((end_grasp, 0.0), (unplug, 0.0), (end_classifier, 0.0), (hide, 0.0))
       if LONG else ())],
     ids=lambda value: getattr(value, '__name__', ''))
-def test_a_planner_that_holds_an_object_keeps_still_when_its_sight_fails(fail: Callable, notice: float):
+def test_a_planner_that_holds_an_object_keeps_still_without_current_data(fail: Callable, notice: float):
     pytest.importorskip('rclpy')
     bench = pytest.importorskip('misled_bench')
     late = [acted_too_long(bench, fail, notice)]

@@ -159,14 +159,14 @@ def test_from_random_starts_the_contacts_come_to_oppose():
 @pytest.mark.parametrize(('fault', 'reason'), [
     ('misses a pad', Reason.NO_DECISION), ('nothing there', Reason.EMPTY), ('a pad is silent', Reason.NOT_SEEN),
     ('half a pad is hidden', Reason.NO_DECISION)])
-def test_where_no_move_helps_it_gives_up_and_does_not_squeeze(fault, reason):
+def test_the_loop_gives_up_without_a_squeeze_if_no_move_helps(fault, reason):
     run = bench_planner.Simulation(bench_planner.SEED + 500, 'circle', fault, patience=1.5).run()
     assert not run.is_done and run.reason is reason
 
 
 @pytest.mark.slow
 @pytest.mark.ros
-def test_with_wrong_advice_it_is_never_done(monkeypatch):
+def test_the_loop_is_never_done_with_wrong_advice(monkeypatch):
     """If the loop succeeded with wrong advice, the tests above could not fail."""
     monkeypatch.setattr(planner_client, 'opposing', lambda line: (0.0, -line.misalignment, 0.0))
     run, = bench_planner.runs(1)

@@ -260,7 +260,7 @@ def test_hidden_taxels_are_read_as_empty_as_pressed_beside_and_as_pressed_straig
         assert not each.hidden.any() and not np.isnan(each.values).any()
 
 
-def test_nothing_but_a_circle_is_sure_from_few_taxels():
+def test_only_a_circle_is_certain_with_few_taxels():
     few, more = np.zeros((2, 10, 10), bool)
     few[4:6, 3:7] = True
     more[4:6, 2:8] = True

@@ -52,7 +52,7 @@ BARS = {
 
 
 @pytest.mark.parametrize('mask', LINES.values(), ids=LINES)
-def test_a_line_one_taxel_wide_may_be_a_bad_one(mask):
+def test_a_line_one_taxel_wide_may_be_a_faulty_line(mask):
     assert is_shapeless(of_taxels(mask))
 
 
@@ -131,7 +131,7 @@ def test_a_contact_at_three_edges_has_no_shape_because_its_width_is_not_seen():
 
 
 @pytest.mark.parametrize('method', ['learned', 'volf'])
-def test_a_method_answers_unknown_to_chance_and_none_to_an_empty_pad(method):
+def test_a_method_reports_unknown_for_chance_and_none_for_an_empty_pad(method):
     recogniser = make_recogniser(method)
     for mask in (LINES['row'], LINES['column'], (ROWS + COLS) % 2 == 0):
         assert recogniser.recognise(of_taxels(mask)).shape is Shape.UNKNOWN

@@ -88,7 +88,7 @@ def fragment(rng):
 
 
 @pytest.mark.parametrize(('draw', 'right'), [(speckled_square, {Shape.SQUARE}), (fragment, set())])
-def test_hardly_a_name_is_sure_and_wrong(draw, right):
+def test_confident_names_are_hardly_ever_wrong(draw, right):
     """At most one of 40 reported classes may be both confident and wrong.
 
     Without the check, the network reports 7 confident but wrong classes for the squares, and 6 for the fragments.

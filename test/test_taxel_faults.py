@@ -93,7 +93,7 @@ def test_a_stuck_taxel_stays_so_within_a_contact_and_while_another_begins_to_fli
     assert pad.detector.faults.places(FLICKERING) == [(9, 9)]
 
 
-def test_as_many_taxels_as_make_a_contact_are_an_object_however_still():
+def test_enough_taxels_for_a_contact_are_an_object_even_if_their_values_stay_the_same():
     row = (5, slice(5, 8))
     pad = Pad(setting(row, 42.0), noise=0.0)
     pad.touches(*places())
@@ -113,7 +113,7 @@ def test_flickering_is_taken_back_when_it_ends():
     assert pad.frames(still, 100).total == 1 and pad.frames(still, 1000).total == 0
 
 
-def test_a_sign_of_life_takes_the_verdict_back():
+def test_a_sign_of_life_clears_the_fault():
     pad = Pad(lambda values, n: setting((5, 6), 0.0)(values, n) if n < 160 else values)
     assert pad.touches(*places()).places(DEAD) == [(5, 6)]
     assert pad.touches(disc(5, 6, 3)).total == 0
@@ -280,7 +280,7 @@ def test_bad_files_of_faults(tmp_path, content, says):
         load_faults(path, {'left': (2, 2)})
 
 
-def test_a_pad_that_repeats_itself_to_the_bit_is_frozen_on_request():
+def test_a_pad_that_repeats_identical_values_is_frozen_on_request():
     pad, random = ConditionedPad(TaredPad(GUARD), FaultDetector(2, 2, LIMIT), known()), np.random.default_rng(2)
     last = random.standard_normal((2, 2))
     live = [frame(random.standard_normal((2, 2)))._replace(stamp=0.02 * n) for n in range(50)]

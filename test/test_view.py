@@ -227,7 +227,7 @@ def rows_of(table):
     return dict(row.removesuffix('</td></tr>').split('</td><td>') for row in re.findall('<td>(.*?</td></tr>)', table))
 
 
-def test_nothing_but_pads_and_status_line_says_whether_a_pad_is_live():
+def test_only_pads_and_status_line_show_whether_a_pad_is_live():
     """All other parts of the page are updated less often.
 
     When a pad fails or returns, outdated parts would contradict the pads and the status line.
@@ -368,7 +368,7 @@ def test_a_loss_is_red_for_a_minute():
     assert 'class=bad' in health_table(later)  # For a recording, the table shows all losses since its beginning.
 
 
-def test_counters_that_begin_again_have_no_past():
+def test_restarted_counters_are_not_compared_with_earlier_ones():
     """The driver was restarted, so its 9 losses must not be read as 2 more than the 7 losses before."""
     history = HealthHistory()
     for stamp, facts in enumerate((counted(7, 5000), counted(9, 90), counted(12, 190))):

@@ -71,7 +71,7 @@ def test_an_unknown_address_gets_an_answer(open_server, target, more):
     assert ask(open_server.port, target, more=more)[0] == 400
 
 
-def test_a_second_request_on_one_connection_is_looked_at_too(open_server):
+def test_a_second_request_on_one_connection_is_checked_too(open_server):
     """The first request names this machine as its host, but the second request does not.
 
     The bytes of the second request must never reach the server of the page.

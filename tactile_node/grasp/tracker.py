@@ -17,7 +17,7 @@ from tactile_node.grasp.steadiness import Steadiness, SteadinessSettings
 from tactile_node.shape.recognition import Shape
 
 SIDES = ('left', 'right')
-# A side is silent after SILENT_PERIODS of its periods without a result, but not before SHORTEST_SILENCE has passed.
+# A side is silent after SILENT_PERIODS periods without a result, but not before SHORTEST_SILENCE has passed.
 SHORTEST_SILENCE = 0.1  #: [s]
 SILENT_PERIODS = 3
 #: Share of the silent time after which the tracker reports a silence, so that planners notice the silence in time.
