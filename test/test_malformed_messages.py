@@ -460,7 +460,7 @@ def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
     assert check_contact_shape(shapes[-1]) is None and np.isfinite(shapes[-1].probabilities).all()
 
 
-def test_no_contact_shape_stops_a_grasp_or_breaks_its_hold(chain):
+def test_no_malformed_shape_stops_a_grasp_or_breaks_its_hold(chain):
     """The node runs as in a lossless replay, because the stamps of the shapes do not follow real time."""
     chain.add(GraspNode(parameter_overrides=[Parameter('lossless', value=True)]))
     grasps = chain.listen(Grasp, '/grasp')
