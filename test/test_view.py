@@ -386,7 +386,7 @@ def test_losses_are_listed_by_reason():
     table = health_table(facts)
     for said in ('lost: late</td><td>7', '8 missing', 'queue overruns</td><td>3', 'wire cut', 'two devices send'):
         assert said in table
-    assert 'no status' in health_table(None)
+    assert 'no bus status' in health_table(None)
 
 
 # --- Recordings on disk

@@ -228,7 +228,7 @@ class LogSource:
         found = self._set_up.feed(message.arbitration_id, bytes(message.data))
         if found is not None:
             raise LogError(f'{self._path}, {node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}',
-                           expected=found.expected, got=f'{found.got} according to the SDO answers in the log',
+                           expected=found.expected, got=f'{found.got} according to the SDO responses in the log',
                            remedy='Give the layout and EDS of the device that was recorded.')
 
     def _died(self, error: Exception) -> None:
