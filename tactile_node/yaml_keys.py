@@ -1,0 +1,202 @@
+"""Describe the keys of a YAML file once, for its reader and for its JSON schema.
+
+Each mapping in the file is a frozen dataclass. Each key of the mapping is a field, made by the function `key` from the
+kind of the value, the meaning and the default. `read_keys` reads a mapping, and `schema_of` returns its JSON schema.
+"""
+
+from dataclasses import MISSING, Field, field, fields
+from typing import Any, NamedTuple, TypeVar
+
+from tactile_node.yaml_section import LARGEST_NUMBER, REQUIRED, Section, ValueKind, shown_with_type
+
+METADATA = 'key'  #: key under which the metadata of a field stores the `Key`
+
+Keys = TypeVar('Keys')
+
+
+class Key(NamedTuple):
+    """Properties of a key besides its name and default."""
+
+    kind: ValueKind
+    about: str  #: meaning of the key, for editors and the documentation
+
+
+def key(kind: ValueKind, about: str, default: Any = REQUIRED) -> Any:
+    """Return a dataclass field that defines a key. If ``default`` is None, the key may also have an empty value."""
+    metadata = {METADATA: Key(kind, about)}
+    return field(metadata=metadata) if default is REQUIRED else field(default=default, metadata=metadata)
+
+
+def read_keys(keys: type[Keys], section: Section) -> Keys:
+    """Return a mapping of the file as the dataclass ``keys``.
+
+    Parameters
+    ----------
+    keys
+        Dataclass whose fields are made by `key`. Its parameters must be keyword-only.
+    section
+        The mapping.
+
+    Raises
+    ------
+    ConfigurationError
+        Raised if a key is missing, unknown or has a wrong value.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class GridKeys:
+    ...     rows: int = key(Whole(1, 1024), 'Number of rows.')
+    ...     unit: str = key(OneOf(('Pa', 'N')), 'Unit of the taxels.', 'Pa')
+    >>> read_keys(GridKeys, Section({'rows': 16}, 'skin.yaml')).unit
+    'Pa'
+    >>> schema_of(GridKeys)['required']
+    ['rows']
+    """
+    values = {each.name: section.read(each.name, each.metadata[METADATA].kind, _default(each))
+              for each in fields(keys)}  # type: ignore[arg-type]  # Python has no type for "class of a dataclass"
+    section.done()
+    return keys(**values)
+
+
+def schema_of(keys: type) -> dict[str, Any]:
+    """Return the JSON schema of a mapping. Its arguments are those of `read_keys`."""
+    return {'type': 'object', 'properties': {each.name: _schema_of_key(each) for each in fields(keys)},
+            'required': [each.name for each in fields(keys) if _default(each) is REQUIRED],
+            'additionalProperties': False}
+
+
+def _default(each: 'Field[Any]') -> Any:
+    return REQUIRED if each.default is MISSING else each.default
+
+
+def _schema_of_key(each: 'Field[Any]') -> dict[str, Any]:
+    schema, default = each.metadata[METADATA].kind.schema(), _default(each)
+    if default is None:
+        schema = {'anyOf': [*schema.get('anyOf', [schema]), {'type': 'null'}]}
+    elif default is not REQUIRED:
+        schema |= {'default': default}
+    return {'description': each.metadata[METADATA].about, **schema}
+
+
+class Whole(NamedTuple):
+    """A whole number from ``low`` to ``high``, inclusive."""
+
+    low: int
+    high: int
+
+    def read(self, section: Section, key: str, value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not self.low <= value <= self.high:
+            section.refuse(key, expected=f'a whole number {self.low}..{self.high}', got=shown_with_type(value),
+                           remedy='Correct the number.')
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        return {'type': 'integer', 'minimum': self.low, 'maximum': self.high}
+
+
+class Wholes(NamedTuple):
+    """A list of ``length`` whole numbers from ``low`` to ``high``, inclusive."""
+
+    length: int
+    low: int
+    high: int
+
+    def read(self, section: Section, key: str, value: Any) -> tuple[int, ...]:
+        if not isinstance(value, list) or len(value) != self.length:
+            section.refuse(key, expected=f'a list of {self.length} whole numbers', got=shown_with_type(value),
+                           remedy='Correct the list.')
+        return ListOf(Whole(self.low, self.high)).read(section, key, value)
+
+    def schema(self) -> dict[str, Any]:
+        return {**ListOf(Whole(self.low, self.high)).schema(), 'minItems': self.length, 'maxItems': self.length}
+
+
+class Number(NamedTuple):
+    """A finite number in SI units, above 0 if it is ``positive``."""
+
+    positive: bool = False
+    remedy: str = 'Write it in SI units, 2 mm as 0.002.'
+
+    def read(self, section: Section, key: str, value: Any) -> float:
+        good = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST_NUMBER
+        if not good or (self.positive and value <= 0):
+            section.refuse(key, expected=f'a{" positive" if self.positive else ""} number',
+                           got=shown_with_type(value), remedy=self.remedy)
+        return float(value)
+
+    def schema(self) -> dict[str, Any]:
+        return {'type': 'number', 'exclusiveMinimum': 0 if self.positive else -LARGEST_NUMBER,
+                'exclusiveMaximum': LARGEST_NUMBER}
+
+
+class Switch(NamedTuple):
+    """Either true or false."""
+
+    def read(self, section: Section, key: str, value: Any) -> bool:
+        if not isinstance(value, bool):
+            section.refuse(key, expected='true or false', got=shown_with_type(value), remedy='Write true or false.')
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        return {'type': 'boolean'}
+
+
+class OneOf(NamedTuple):
+    """One of several texts."""
+
+    options: tuple[str, ...]
+    remedy: str = 'Choose one of these.'
+
+    def read(self, section: Section, key: str, value: Any) -> str:
+        if value not in self.options:
+            section.refuse(key, expected=f'one of {", ".join(map(repr, self.options))}', got=shown_with_type(value),
+                           remedy=self.remedy)
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        return {'enum': list(self.options)}
+
+
+class ListOf(NamedTuple):
+    """A list of values of one kind, of any length."""
+
+    kind: ValueKind
+
+    def read(self, section: Section, key: str, value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list):
+            section.refuse(key, expected='a list', got=shown_with_type(value),
+                           remedy='Write it as [a, b] or as lines with "-".')
+        return tuple(self.kind.read(section, f'{key}[{position}]', item) for position, item in enumerate(value))
+
+    def schema(self) -> dict[str, Any]:
+        return {'type': 'array', 'items': self.kind.schema()}
+
+
+class MappingOf(NamedTuple):
+    """A mapping whose keys are the fields of a dataclass."""
+
+    keys: type
+
+    def read(self, section: Section, key: str, value: Any) -> Any:
+        return read_keys(self.keys, section.subsection(key, value))
+
+    def schema(self) -> dict[str, Any]:
+        return schema_of(self.keys)
+
+
+class MappingOrList(NamedTuple):
+    """A mapping, or a list of values of another kind."""
+
+    mapping: MappingOf
+    items: ValueKind
+
+    def read(self, section: Section, key: str, value: Any) -> Any:
+        if not isinstance(value, (dict, list)):
+            section.refuse(key, expected='a mapping of keys to values, or a list', got=shown_with_type(value),
+                           remedy='Write it as {key: value, ...}, as [a, b], or as indented lines.')
+        return (self.mapping if isinstance(value, dict) else ListOf(self.items)).read(section, key, value)
+
+    def schema(self) -> dict[str, Any]:
+        return {'anyOf': [self.mapping.schema(), ListOf(self.items).schema()]}
