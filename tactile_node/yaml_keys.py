@@ -9,21 +9,22 @@ from typing import Any, NamedTuple, TypeVar
 
 from tactile_node.yaml_section import LARGEST_NUMBER, REQUIRED, Section, ValueKind, shown_with_type
 
-METADATA = 'key'  #: key under which the metadata of a field stores the `Key`
-
 Keys = TypeVar('Keys')
 
 
-class Key(NamedTuple):
-    """Properties of a key besides its name and default."""
-
-    kind: ValueKind
-    about: str  #: meaning of the key, for editors and the documentation
-
-
 def key(kind: ValueKind, about: str, default: Any = REQUIRED) -> Any:
-    """Return a dataclass field that defines a key. If ``default`` is None, the key may also have an empty value."""
-    metadata = {METADATA: Key(kind, about)}
+    """Return a dataclass field that defines a key.
+
+    Parameters
+    ----------
+    kind
+        Kind of the value.
+    about
+        Meaning of the key, for editors and the documentation.
+    default
+        Value if the key is missing. If it is None, the key may also have an empty value.
+    """
+    metadata = {'kind': kind, 'about': about}
     return field(metadata=metadata) if default is REQUIRED else field(default=default, metadata=metadata)
 
 
@@ -54,7 +55,7 @@ def read_keys(keys: type[Keys], section: Section) -> Keys:
     >>> schema_of(GridKeys)['required']
     ['rows']
     """
-    values = {each.name: section.read(each.name, each.metadata[METADATA].kind, _default(each))
+    values = {each.name: section.read(each.name, each.metadata['kind'], _default(each))
               for each in fields(keys)}  # type: ignore[arg-type]  # Python has no type for "class of a dataclass"
     section.done()
     return keys(**values)
@@ -72,12 +73,12 @@ def _default(each: 'Field[Any]') -> Any:
 
 
 def _schema_of_key(each: 'Field[Any]') -> dict[str, Any]:
-    schema, default = each.metadata[METADATA].kind.schema(), _default(each)
+    schema, default = each.metadata['kind'].schema(), _default(each)
     if default is None:
         schema = {'anyOf': [*schema.get('anyOf', [schema]), {'type': 'null'}]}
     elif default is not REQUIRED:
         schema |= {'default': default}
-    return {'description': each.metadata[METADATA].about, **schema}
+    return {'description': each.metadata['about'], **schema}
 
 
 class Whole(NamedTuple):
@@ -175,28 +176,19 @@ class ListOf(NamedTuple):
 
 
 class MappingOf(NamedTuple):
-    """A mapping whose keys are the fields of a dataclass."""
+    """A mapping whose keys are the fields of a dataclass, or a list of values of another kind, if there is one."""
 
     keys: type
+    or_list_of: ValueKind | None = None
 
     def read(self, section: Section, key: str, value: Any) -> Any:
-        return read_keys(self.keys, section.subsection(key, value))
-
-    def schema(self) -> dict[str, Any]:
-        return schema_of(self.keys)
-
-
-class MappingOrList(NamedTuple):
-    """A mapping, or a list of values of another kind."""
-
-    mapping: MappingOf
-    items: ValueKind
-
-    def read(self, section: Section, key: str, value: Any) -> Any:
-        if not isinstance(value, (dict, list)):
+        if self.or_list_of is None or isinstance(value, dict):
+            return read_keys(self.keys, section.subsection(key, value))
+        if not isinstance(value, list):
             section.refuse(key, expected='a mapping of keys to values, or a list', got=shown_with_type(value),
                            remedy='Write it as {key: value, ...}, as [a, b], or as indented lines.')
-        return (self.mapping if isinstance(value, dict) else ListOf(self.items)).read(section, key, value)
+        return ListOf(self.or_list_of).read(section, key, value)
 
     def schema(self) -> dict[str, Any]:
-        return {'anyOf': [self.mapping.schema(), ListOf(self.items).schema()]}
+        mapping = schema_of(self.keys)
+        return mapping if self.or_list_of is None else {'anyOf': [mapping, ListOf(self.or_list_of).schema()]}

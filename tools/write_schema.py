@@ -8,10 +8,10 @@ from tactile_node.skin.layout_keys import layout_schema
 FILE = Path(__file__).resolve().parents[1] / 'config/skin_layout.schema.json'
 
 
-def written() -> str:
+def text() -> str:
     """Return the text of the schema file."""
     return json.dumps(layout_schema(), indent=1) + '\n'
 
 
 if __name__ == '__main__':
-    FILE.write_text(written(), encoding='utf-8')
+    FILE.write_text(text(), encoding='utf-8')

@@ -36,7 +36,7 @@ from tactile_node.skin.layout_keys import (
 from tactile_node.skin.layout_rules import layout_checks
 from tactile_node.taxel_frame import SkinSide
 from tactile_node.yaml_keys import read_keys
-from tactile_node.yaml_section import Section, load_mapping, shown
+from tactile_node.yaml_section import Section, load_mapping
 
 
 def load_layout(path: str | Path) -> SkinLayout:

@@ -1,7 +1,7 @@
 """The keys of a skin layout file: the kind, range, default and meaning of each key.
 
-``layout_file`` reads a file with these keys. ``tools/write_schema.py`` writes config/skin_layout.schema.json from them.
-Rules that involve several keys are in ``layout_file`` and ``layout_rules``.
+``layout_file`` reads a file with these keys. ``tools/write_schema.py`` writes ``config/skin_layout.schema.json`` from
+them. Rules that involve several keys are in ``layout_file`` and ``layout_rules``.
 """
 
 from dataclasses import dataclass
@@ -9,18 +9,7 @@ from typing import Any, NamedTuple
 
 from tactile_node.cia301 import objects
 from tactile_node.skin.layout import MAX_DOMAIN_BYTES, MAX_SIDE, SIDES
-from tactile_node.yaml_keys import (
-    ListOf,
-    MappingOf,
-    MappingOrList,
-    Number,
-    OneOf,
-    Switch,
-    Whole,
-    Wholes,
-    key,
-    schema_of,
-)
+from tactile_node.yaml_keys import ListOf, MappingOf, Number, OneOf, Switch, Whole, Wholes, key, schema_of
 from tactile_node.yaml_section import Section, shown
 
 UNITS = ('Pa', 'N', '1')  #: units of the values; '1' means on/off
@@ -29,7 +18,6 @@ MOST_ROWS = 256  #: number of frames that the number in byte 0 can distinguish
 INDEX = Whole(1, objects.MAX_INDEX)
 SUBINDEX = Whole(0, objects.MAX_SUBINDEX)
 PDO_BITS = Whole(1, objects.MAX_PDO_BITS)
-#: largest number of bits in a DOMAIN
 MAX_DOMAIN_BITS = 8 * MAX_DOMAIN_BYTES
 TAXEL = Wholes(2, 0, MAX_SIDE)
 STEP = Wholes(2, -MAX_SIDE, MAX_SIDE)
@@ -132,18 +120,18 @@ class TpdoKeys:
     node: int = key(Whole(0, objects.MAX_NODE_ID - 1), 'Number of the node that sends this TPDO, if the pad has '
                     'several.', 0)
     map: MapKeys | tuple[tuple[int, int, int], ...] | None = key(
-        MappingOrList(MappingOf(MapKeys), Wholes(3, 0, objects.MAX_INDEX)), 'Objects that are mapped into this TPDO, '
+        MappingOf(MapKeys, Wholes(3, 0, objects.MAX_INDEX)), 'Objects that are mapped into this TPDO, '
         'or a list of [index, sub-index, bits]. The driver writes them to 0x1A00 and following. Required unless the '
         'entry has "mpdo".', None)
     taxels: TaxelsKeys | tuple[tuple[int, int, int], ...] = key(
-        MappingOrList(MappingOf(TaxelsKeys), Wholes(3, 0, MAX_SIDE)), 'Place of the taxels on the pad and in the CAN '
+        MappingOf(TaxelsKeys, Wholes(3, 0, MAX_SIDE)), 'Place of the taxels on the pad and in the CAN '
         'frame, or a list of [row, col, start bit].')
     rows: RowsKeys | None = key(MappingOf(RowsKeys), 'Many frames with one COB-ID, distinguished by a number in byte '
                                 '0.', None)
     mpdo: MpdoKeys | None = key(MappingOf(MpdoKeys), 'Many objects with one COB-ID, sent as MPDOs with source '
                                 'addressing. Used instead of map and rows.', None)
     repeat: RepeatKeys | tuple[RepeatKeys, ...] | None = key(
-        MappingOrList(MappingOf(RepeatKeys), MappingOf(RepeatKeys)), 'This entry stands for "count" TPDOs. From each '
+        MappingOf(RepeatKeys, MappingOf(RepeatKeys)), 'This entry stands for "count" TPDOs. From each '
         'TPDO to the next, the named keys increase by the given values, and "step" moves the taxels. A list of such '
         'entries makes nested loops, the outermost one first.', None)
 
@@ -185,7 +173,8 @@ class LayoutKeys:
     unusual_pitch: bool = key(Switch(), 'true: accept a pitch below 0.3 mm or above 25 mm.', False)
     value: ValueKeys = key(MappingOf(ValueKeys), "Meaning of a taxel's counts: value = scale (counts - offset), or the "
                            'negative of it if counts fall.')
-    sync_cob_id: int = key(Whole(1, objects.ID_MASK), 'COB-ID of the SYNC that starts a sweep.', objects.SYNC)
+    sync_cob_id: int = key(Whole(1, objects.ID_MASK), 'COB-ID of the SYNC that starts a sweep; 0x080 by default.',
+                           objects.SYNC)
     dead_taxels: tuple[tuple[int, int], ...] = key(ListOf(TAXEL), 'Taxels known to be dead, each as [row, col]. Their '
                                                    'values are NaN.', ())
     finger_ends: tuple[str, ...] = key(
