@@ -22,7 +22,7 @@ def key(kind: ValueKind, about: str, default: Any = REQUIRED) -> Any:
     about
         Meaning of the key, for editors and the documentation.
     default
-        Value if the key is missing. If it is None, the key may also have an empty value.
+        Value if the key is missing.
     """
     metadata = {'kind': kind, 'about': about}
     return field(metadata=metadata) if default is REQUIRED else field(default=default, metadata=metadata)
@@ -73,12 +73,8 @@ def _default(each: 'Field[Any]') -> Any:
 
 
 def _schema_of_key(each: 'Field[Any]') -> dict[str, Any]:
-    schema, default = each.metadata['kind'].schema(), _default(each)
-    if default is None:
-        schema = {'anyOf': [*schema.get('anyOf', [schema]), {'type': 'null'}]}
-    elif default is not REQUIRED:
-        schema |= {'default': default}
-    return {'description': each.metadata['about'], **schema}
+    default = {} if _default(each) in (REQUIRED, None) else {'default': each.default}
+    return {'description': each.metadata['about'], **each.metadata['kind'].schema(), **default}
 
 
 class Whole(NamedTuple):

@@ -183,9 +183,9 @@ class Section:
         return default
 
     def read(self, key: str, kind: ValueKind, default: Any = REQUIRED) -> Any:
-        """Return the value of ``key``, checked by its kind. If ``default`` is None, an empty value means None."""
+        """Return the value of ``key``, checked by its kind, or ``default`` if the key is missing."""
         value = self.take(key, default)
-        return default if value is default else kind.read(self, key, value)
+        return kind.read(self, key, value) if key in self._mapping else value
 
     def section(self, key: str, default: Any = REQUIRED) -> 'Section':
         """Return a mapping as a separate section."""

@@ -112,6 +112,8 @@ BAD = {
                                '.map": expected a mapping of keys to values, or a list'),
     'no map': (TINY.replace('map: [[0x2000, 3, 16]], ', ''), '.map": expected a value, got no such key'),
     'no way to carry the taxels': (TINY.split('tpdos')[0], 'at least one TPDO'),
+    'a key without its value': (TINY.replace('offset: 10', 'offset: null'), 'key "value.offset"'),
+    'a mapping without its keys': (TINY + 'event_driven:\n', 'key "event_driven": expected a mapping'),
     'SYNC on a kept COB-ID': (TINY + 'sync_cob_id: 0x701\n', 'key "sync_cob_id"')}
 
 

@@ -52,7 +52,7 @@ def written(kind: Schema) -> str:
     if 'enum' in kind:
         return ', '.join(map(str, kind['enum']))
     if 'anyOf' in kind:
-        return ' or '.join(written(form) for form in kind['anyOf'] if form != {'type': 'null'})
+        return ' or '.join(map(written, kind['anyOf']))
     name = kind['type']
     if name == 'array':
         inner = written(kind['items'])
