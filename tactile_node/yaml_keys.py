@@ -62,7 +62,7 @@ def read_keys(keys: type[Keys], section: Section) -> Keys:
 
 
 def schema_of(keys: type) -> dict[str, Any]:
-    """Return the JSON schema of a mapping. Its arguments are those of `read_keys`."""
+    """Return the JSON schema of a mapping whose keys are the fields of the dataclass ``keys``."""
     return {'type': 'object', 'properties': {each.name: _schema_of_key(each) for each in fields(keys)},
             'required': [each.name for each in fields(keys) if _default(each) is REQUIRED],
             'additionalProperties': False}
