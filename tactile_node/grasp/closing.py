@@ -1,9 +1,9 @@
 """Close a gripper until both pads are touched or a force limit is reached, and decide when and why to stop.
 
-The module reads no clock; its callers pass the time. The module is not a safety function (ISO 13849, ISO 10218). The
-module limits only the force that the pads measure, and only after they have measured it. The gripper continues to close
-only while the current readings are complete. If the true force may be higher than the reading, the highest possible
-force is compared with the limit.
+The callers of this module pass the current time, because the module reads no clock. The module is not a safety function
+(ISO 13849, ISO 10218). The module limits only the force that the pads measure, and only after they have measured it.
+The gripper continues to close only while the current readings are complete. If the true force may be higher than the
+reading, the highest possible force is compared with the limit.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Hold an object with a force after closing, and decide when to press harder, to ease off and to end the hold.
 
-The module reads no clock; its callers pass the time. The module trusts readings by the same rules as closing.py. The
-decision to press harder uses the highest force that the readings allow, and the decision to ease off uses the lowest
-force. The gripper rests while the force is unknown.
+The callers of this module pass the current time, because the module reads no clock. The module trusts readings by the
+same rules as closing.py. The decision to press harder uses the highest force that the readings allow, and the decision
+to ease off uses the lowest force. The gripper rests while the force is unknown.
 
 A correction begins if the readings of both pads differ from the target force by more than a deadband D. The correction
 ends at the target force. The overshoot of a correction has two causes: the travel until the gripper stops, and one step
