@@ -15,9 +15,8 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from io import BytesIO
-from typing import NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -27,6 +26,7 @@ from mcap.stream_reader import breakup_chunk
 from mcap.summary import Summary
 
 from tactile_node.logs.damage import Damage, DamageKind
+from tactile_node.logs.recorded import MSG_ENCODING, Recorded
 
 MCAP_MAGIC = b'\x89MCAP0\r\n'
 #: record header: opcode, length of the content [bytes]
@@ -44,15 +44,6 @@ LARGEST_RECORD = 1 << 30
 SEARCH_BYTES = 1 << 20
 #: possible chunk header: opcode, length below 2**40, then times, size and checksum, then the compression name
 _CHUNK_HEAD = re.compile(rb'(?s)\x06(?=.{5}\0\0\0.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd))')
-
-
-class Stored(NamedTuple):
-    """A message stored in the file."""
-
-    channel: Channel
-    schema: Schema | None
-    time: int  #: time of recording [ns]
-    data: bytes
 
 
 def _read(file: int, size: int, at: int) -> bytes:
@@ -85,17 +76,24 @@ class McapFile:
         self._channels: dict[int, Channel] = {} if self.summary is None else self.summary.channels
 
     @property
-    def channels(self) -> list[tuple[Channel, Schema | None]]:
-        """Channels known so far, each with its schema, or None if the schema is unknown."""
-        return [(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
+    def topics(self) -> dict[str, str]:
+        """Message types of the topics known so far, or '' where the type is unknown."""
+        return {channel.topic: self._type_of(channel) for channel in self._channels.values()}
 
-    def read(self, since: int = 0) -> Iterator[Stored | Damage]:
+    def count(self, types: Collection[str]) -> int | None:
+        """Return the number of messages of the given types, or None if the file has no summary with the counts."""
+        if self.summary is None or self.summary.statistics is None:
+            return None
+        counts = self.summary.statistics.channel_message_counts
+        return sum(counts.get(key, 0) for key, channel in self._channels.items() if self._type_of(channel) in types)
+
+    def read(self, since: int = 0) -> Iterator[Recorded | Damage]:
         """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` for each damaged part of the file."""
         read, is_damaged = 0, False
         indexes = () if self.summary is None else self.summary.chunk_indexes
         for found in self._read_indexed(indexes, since) if indexes else self._walk(since):
             is_damaged = is_damaged or isinstance(found, Damage)
-            read += isinstance(found, Stored)
+            read += isinstance(found, Recorded)
             yield found
         statistics = None if self.summary is None or since else self.summary.statistics
         if statistics is not None and read < statistics.message_count and not is_damaged:
@@ -113,7 +111,7 @@ class McapFile:
         indexes = () if summary is None else summary.chunk_indexes
         return summary if all(each.chunk_start_offset + each.chunk_length <= self._size for each in indexes) else None
 
-    def _read_indexed(self, indexes: Iterable[ChunkIndex], since: int) -> Iterator[Stored | Damage]:
+    def _read_indexed(self, indexes: Iterable[ChunkIndex], since: int) -> Iterator[Recorded | Damage]:
         for index in sorted(indexes, key=lambda index: index.chunk_start_offset):
             if index.message_end_time < since:
                 continue
@@ -124,7 +122,7 @@ class McapFile:
             else:
                 yield from self._read_chunk(chunk, since)
 
-    def _walk(self, since: int) -> Iterator[Stored | Damage]:
+    def _walk(self, since: int) -> Iterator[Recorded | Damage]:
         at: int | None = len(MCAP_MAGIC)
         while at is not None:
             opcode, length = self._head(at) or (None, 0)
@@ -168,7 +166,7 @@ class McapFile:
                     return found
         return None
 
-    def _read_chunk(self, chunk: Chunk, since: int, is_chunk: bool = True) -> Iterator[Stored | Damage]:
+    def _read_chunk(self, chunk: Chunk, since: int, is_chunk: bool = True) -> Iterator[Recorded | Damage]:
         size = len(chunk.data)
         try:
             if chunk.uncompressed_size > LARGEST_RECORD:
@@ -185,15 +183,26 @@ class McapFile:
             elif (channel := self._channels.get(record.channel_id)) is None:
                 unknown += 1
             elif record.log_time >= since:
-                yield Stored(channel, self._schemas.get(channel.schema_id), record.log_time, record.data)
+                yield _recorded(channel, self._schemas.get(channel.schema_id), record)
         if unknown:
             yield Damage(DamageKind.UNKNOWN_CHANNEL, self._name, 0, size, detail=f'{unknown} messages')
+
+    def _type_of(self, channel: Channel) -> str:
+        schema = self._schemas.get(channel.schema_id)
+        return '' if schema is None else schema.name
 
     def _learn(self, record: McapRecord) -> None:
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
             self._channels[record.id] = record
+
+
+def _recorded(channel: Channel, schema: Schema | None, message: Message) -> Recorded:
+    if schema is None:
+        return Recorded(channel.topic, '', message.log_time, message.data)
+    definition = schema.data.decode('utf-8', 'replace') if schema.encoding == MSG_ENCODING else ''
+    return Recorded(channel.topic, schema.name, message.log_time, message.data, definition)
 
 
 def _chunk_of(content: bytes) -> Chunk | None:
