@@ -18,6 +18,7 @@ logger = logging.getLogger(__name__)
 
 WRITTEN_SUFFIXES = ('.log', '.log.gz', '.mcap')  #: formats that can be written
 FLUSH_PERIOD = 0.5  #: time between two flushes [s], and the longest period that a killed recording loses
+CHECK_INTERVAL = 256  #: number of CAN frames between two checks of the size limit
 MEGABYTE = 1_000_000  #: [bytes]
 
 
@@ -73,8 +74,8 @@ class LogFile:
         self.flush()
         self.writer.stop()
 
-    def cut_back(self) -> int:
-        """Truncate the file after the last flushed frame, and return the number of lost frames.
+    def cut_back(self) -> None:
+        """Truncate the file after the last flushed frame, and count only the frames up to there.
 
         After an OSError, a full disk may hold only half of the last frame. Without the truncation, the number of lost
         frames would be unknown.
@@ -85,8 +86,7 @@ class LogFile:
             pass
         with self.path.open('r+b') as file:
             file.truncate(self._size)
-        lost, self.can_frames = self.can_frames - self._flushed, self._flushed
-        return lost
+        self.can_frames = self._flushed
 
 
 class CanLogWriter:
@@ -118,7 +118,8 @@ class CanLogWriter:
     can_frames
         Number of recorded messages.
     unwritten
-        Number of messages that do not fit the format or arrived after the recording had failed.
+        Number of messages given to the writer that are not in the log: messages that do not fit the format, and
+        messages lost by a failure or received after a failure.
     failure
         Reason why the recording failed, for example a full disk, or '' if it did not fail. The reason is also logged.
         After a failure, the recording ends with the last flushed frame, and the rest of the process continues.
@@ -134,6 +135,7 @@ class CanLogWriter:
         self._channel = '_'.join(channel.rsplit('/')[-1].split()) or None
         self._largest = largest
         self._lock = threading.Lock()
+        self._given = 0  # number of messages given before `close`
         self._recorded = 0  # number of messages in the earlier files
         self.parts = 1
         self.unwritten = 0
@@ -157,77 +159,60 @@ class CanLogWriter:
     def write(self, message: can.Message) -> None:
         """Write one message, or do nothing after `close`."""
         with self._lock:
-            if self._file is None:
-                self.unwritten += bool(self.failure)
+            if self._file is None and not self.failure:
                 return
-            if message.channel is None:
-                message.channel = self._channel
-            try:
-                self._file.write(message)
-            except ValueError:  # the message does not fit the format
-                self.unwritten += 1
-            except OSError as error:
-                self.unwritten += 1
-                self._fail(error)
-            else:
-                self._limit(self._file)
+            self._given += 1
+            with self._failing():
+                if self._file is not None:
+                    self._write(self._file, message)
+            self.unwritten = self._given - self.can_frames
 
     def close(self) -> None:
         self._closed.set()
-        with self._lock:
+        with self._lock, self._failing():
             if self._file is not None:
-                with self._failing():
-                    self._file.close()
-                    self._file = None
+                self._file.close()
+                self._file = None
 
     def _keep_flushed(self) -> None:
         while not self._closed.wait(FLUSH_PERIOD):
-            with self._lock:
+            with self._lock, self._failing():
                 if self._file is not None and self._file.is_dirty:
-                    with self._failing():
-                        self._file.flush()
+                    self._file.flush()
 
-    def _limit(self, file: LogFile) -> None:
-        """Start a new file if ``file`` has reached the size limit."""
-        if not self._largest or file.can_frames % 256:
+    def _write(self, file: LogFile, message: can.Message) -> None:
+        if message.channel is None:
+            message.channel = self._channel
+        try:
+            file.write(message)
+        except ValueError:  # the message does not fit the format
             return
-        with self._failing():
-            if file.reaches(self._largest):
-                file.close()
-                self._file = None
-                self._begin_part()
+        if self._largest and file.can_frames % CHECK_INTERVAL == 0 and file.reaches(self._largest):
+            file.close()
+            self._begin_part()
 
     def _begin_part(self) -> None:
-        try:
-            path = part(self.path, self.parts + 1)
-            path.open('xb').close()
-            self._file = LogFile(path)
-        except (OSError, ValueError, ImportError) as error:
-            self._report(error)
-            return
+        self._file = None
+        path = part(self.path, self.parts + 1)
+        path.open('xb').close()
+        self._file = LogFile(path)
         self._recorded += self._last.can_frames
         self._last = self._file
         self.parts += 1
 
     @contextmanager
     def _failing(self) -> Iterator[None]:
-        """End the recording if the disk refuses more data."""
+        """End the recording if the disk refuses more data. Flushed data remain on the disk, buffered data are lost."""
         try:
             yield
         except OSError as error:
-            self._fail(error)
-
-    def _fail(self, error: OSError) -> None:
-        """End the recording. Flushed data remain on the disk, and buffered data are lost."""
-        file, self._file = self._file, None
-        if file is not None:
-            self.unwritten += file.cut_back()
-        self._report(error)
-
-    def _report(self, error: Exception) -> None:
-        self.failure = (f'The recording {self._last.path} ended after {self.can_frames} CAN frames: '
-                        f'{getattr(error, "strerror", "") or error}. Free space on the disk, or record elsewhere.')
-        logger.error('%s', self.failure, extra={'fact': error})
+            if self._file is not None:
+                self._file.cut_back()
+                self._file = None
+            self.unwritten = self._given - self.can_frames
+            self.failure = (f'The recording {self._last.path} ended after {self.can_frames} CAN frames: '
+                            f'{error.strerror or error}. Free space on the disk, or record elsewhere.')
+            logger.error('%s', self.failure, extra={'fact': error})
 
 
 def _check_suffix(path: Path) -> None:
