@@ -1,19 +1,19 @@
 """Read the raw messages of a ROS 2 bag in order without ROS: .mcap, .db3 (rosbag2) or a bag folder."""
 
 import gzip
-import sqlite3
 import zlib
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tactile_node.errors import LogError
 from tactile_node.logs.damage import Damage, DamageKind, OnDamage, placed
-from tactile_node.logs.recorded import MSG_ENCODING, Recorded
+from tactile_node.logs.recorded import Recorded
 from tactile_node.logs.replay_times import SECOND
 from tactile_node.logs.series import BAG_SUFFIXES, files_of, parts_of
+from tactile_node.logs.sqlite_file import SqliteFile
 
 if TYPE_CHECKING:
     from tactile_node.logs.mcap_file import McapFile
@@ -51,11 +51,10 @@ def records_of(path: str | Path, on_damage: OnDamage, since: int = 0, until: int
 def begin_of(path: str | Path) -> int:
     """Return the recording time of the first message [ns], or 0 if there is none. Raises LogError."""
     first = bag_parts(path)[0]
-    if first.is_file() and first.suffix == '.mcap':
-        with open_mcap(first) as file:
-            statistics = None if file.summary is None else file.summary.statistics
-            if statistics is not None and statistics.message_count:
-                return statistics.message_start_time
+    if first.is_file():
+        with bag_file(first) as file:
+            if file.begin is not None:
+                return file.begin
     recorded = next(records_of(path, lambda _: None), None)
     return 0 if recorded is None else recorded.time
 
@@ -72,7 +71,8 @@ def topics_of(path: str | Path) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for part in filter(Path.is_file, bag_parts(path)):
-        found |= _topics_of_sqlite(part) if part.suffix == '.db3' else _topics_of_mcap(part)
+        with bag_file(part) as file:
+            found |= file.topics()
     return found
 
 
@@ -107,7 +107,7 @@ def message_count(path: str | Path, types: Collection[str]) -> int | None:
     total = 0
     for file in files_of(path):
         try:
-            count = _lines(file) if is_text else _count_of_mcap(file, types)
+            count = _lines(file) if is_text else _count(file, types)
         except (OSError, EOFError, zlib.error, LogError):
             return None
         if count is None:
@@ -121,8 +121,8 @@ def _lines(path: Path) -> int:
         return sum(chunk.count(b'\n') for chunk in iter(lambda: stream.read(1 << 20), b''))
 
 
-def _count_of_mcap(path: Path, types: Collection[str]) -> int | None:
-    with open_mcap(path) as file:
+def _count(path: Path, types: Collection[str]) -> int | None:
+    with bag_file(path) as file:
         return file.count(types)
 
 
@@ -148,62 +148,19 @@ def bag_parts(path: str | Path) -> tuple[Path, ...]:
 
 def _found(path: str | Path, since: int) -> Iterator[Recorded | Damage]:
     for part in bag_parts(path):
-        if not part.is_file():
-            yield Damage(DamageKind.MISSING_FILE, part.name)
+        if part.is_file():
+            with bag_file(part) as file:
+                yield from file.read(since)
         else:
-            yield from (_of_sqlite if part.suffix == '.db3' else _of_mcap)(part, since)
-
-
-def _of_mcap(path: Path, since: int) -> Iterator[Recorded | Damage]:
-    with open_mcap(path) as file:
-        yield from file.read(since)
+            yield Damage(DamageKind.MISSING_FILE, part.name)
 
 
 @contextmanager
-def open_mcap(path: Path) -> Iterator['McapFile']:
-    module = library('tactile_node.logs.mcap_file', path)
-    with path.open('rb') as file:
-        yield module.McapFile(file.fileno(), path.name)
-
-
-def _topics_of_mcap(path: Path) -> dict[str, str]:
-    with open_mcap(path) as file:
-        if not file.topics:  # without a summary, the topics are known only after reading the messages
-            for _ in file.read():
-                pass
-        return file.topics
-
-
-def _of_sqlite(path: Path, since: int) -> Iterator[Recorded | Damage]:
-    try:
-        with closing(open_sqlite(path)) as base:
-            definitions = _definitions(base)
-            for topic, kind, time, data in base.execute(
-                    'SELECT topics.name, topics.type, messages.timestamp, messages.data FROM messages '
-                    'JOIN topics ON messages.topic_id = topics.id WHERE messages.timestamp >= ? '
-                    'ORDER BY messages.timestamp, messages.id', (since,)):
-                yield Recorded(topic, kind, time, data, definitions.get(kind, ''))
-    except sqlite3.Error as error:
-        yield Damage(DamageKind.DATABASE, path.name, detail=str(error))
-
-
-def _topics_of_sqlite(path: Path) -> dict[str, str]:
-    try:
-        with closing(open_sqlite(path)) as base:
-            return dict(base.execute('SELECT name, type FROM topics'))
-    except sqlite3.Error:
-        return {}  # the message reader reports the error
-
-
-def open_sqlite(path: Path) -> sqlite3.Connection:
-    """Open a database read-only and for several threads, because different threads open, play and close a log."""
-    return sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True, check_same_thread=False)
-
-
-def _definitions(base: sqlite3.Connection) -> dict[str, str]:
-    """Return the message definitions by type. Bags recorded before ROS 2 Iron have no table of definitions."""
-    try:
-        return dict(base.execute('SELECT topic_type, encoded_message_definition FROM message_definitions '
-                                 'WHERE encoding = ?', (MSG_ENCODING,)))
-    except sqlite3.OperationalError:
-        return {}
+def bag_file(path: Path) -> Iterator['McapFile | SqliteFile']:
+    """Open one file of a bag. Raises LogError if the library for .mcap files is missing."""
+    if path.suffix == '.db3':
+        yield SqliteFile(path)
+    else:
+        module = library('tactile_node.logs.mcap_file', path)
+        with path.open('rb') as file:
+            yield module.McapFile(file, path.name)

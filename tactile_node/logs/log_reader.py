@@ -15,12 +15,13 @@ from tactile_node.errors import LogError
 from tactile_node.logs import text_formats
 from tactile_node.logs.bag_decoder import CAN_TYPE, BagDecoder
 from tactile_node.logs.bag_log import can_message
-from tactile_node.logs.bag_records import is_bag, open_sqlite, require_topic, topics_of
+from tactile_node.logs.bag_records import is_bag, require_topic, topics_of
 from tactile_node.logs.blf_objects import blf_messages
 from tactile_node.logs.damage import Damage, DamageKind, damage_text, placed, utc
 from tactile_node.logs.log_lines import ChosenChannel
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.series import parts_of
+from tactile_node.logs.sqlite_file import open_sqlite
 
 logger = logging.getLogger(__name__)
 
@@ -68,7 +69,7 @@ def _messages_of(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.M
     elif suffix == '.blf':
         yield from blf_messages(opened(path, 'rb'), path.name)
     elif suffix == '.db':
-        yield from _of_sqlite(path)
+        yield from _of_database(path)
     else:
         logger.warning('%s is read by python-can, which skips parts that it cannot parse, and does not count '
                        'them.', path)
@@ -76,7 +77,7 @@ def _messages_of(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.M
             yield from reader
 
 
-def _of_sqlite(path: Path) -> Iterator[can.Message]:
+def _of_database(path: Path) -> Iterator[can.Message]:
     """Yield the CAN messages of python-can's SQLite format. python-can's reader serves only the thread that opened it.
     """
     with closing(open_sqlite(path)) as base:

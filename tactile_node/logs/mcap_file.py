@@ -17,6 +17,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterable, Iterator
 from io import BytesIO
+from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -46,18 +47,13 @@ SEARCH_BYTES = 1 << 20
 _CHUNK_HEAD = re.compile(rb'(?s)\x06(?=.{5}\0\0\0.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd))')
 
 
-def _read(file: int, size: int, at: int) -> bytes:
-    os.lseek(file, at, os.SEEK_SET)  # Windows lacks os.pread
-    return os.read(file, size)
-
-
 class McapFile:
     """Reader for an open MCAP file.
 
     Parameters
     ----------
     file
-        File descriptor.
+        The file.
     name
         File name to show in damage reports.
 
@@ -67,17 +63,29 @@ class McapFile:
         Summary at the end of the file, or None if the summary is missing or damaged.
     """
 
-    def __init__(self, file: int, name: str):
-        self._file, self._name, self._size = file, name, os.fstat(file).st_size
-        tail = _read(file, TAIL_BYTES, max(self._size - TAIL_BYTES, 0))
+    def __init__(self, file: BinaryIO, name: str):
+        self._file, self._name = file, name
+        self._size = file.seek(0, os.SEEK_END)
+        tail = self._bytes(TAIL_BYTES, max(self._size - TAIL_BYTES, 0))
         self._has_end = tail.endswith(MCAP_MAGIC)
         self.summary = self._read_summary(tail) if self._has_end and len(tail) == TAIL_BYTES else None
         self._schemas: dict[int, Schema] = {} if self.summary is None else self.summary.schemas
         self._channels: dict[int, Channel] = {} if self.summary is None else self.summary.channels
 
     @property
+    def begin(self) -> int | None:
+        """Recording time of the first message according to the summary [ns], or None if unknown."""
+        statistics = None if self.summary is None else self.summary.statistics
+        return statistics.message_start_time if statistics is not None and statistics.message_count else None
+
     def topics(self) -> dict[str, str]:
-        """Message types of the topics known so far, or '' where the type is unknown."""
+        """Return the message type of each topic, or '' where the type is unknown.
+
+        Without a summary, the topics are known only after reading the messages.
+        """
+        if not self._channels:
+            for _ in self.read():
+                pass
         return {channel.topic: self._type_of(channel) for channel in self._channels.values()}
 
     def count(self, types: Collection[str]) -> int | None:
@@ -99,9 +107,13 @@ class McapFile:
         if statistics is not None and read < statistics.message_count and not is_damaged:
             yield Damage(DamageKind.RECORDS, self._name, detail=f'{read} of {statistics.message_count} messages')
 
+    def _bytes(self, size: int, at: int) -> bytes:
+        self._file.seek(at)
+        return self._file.read(size)
+
     def _read_summary(self, tail: bytes) -> Summary | None:
         begin, _, checksum = _FOOTER.unpack_from(tail, RECORD_HEAD.size)
-        content = _read(self._file, max(self._size - TAIL_BYTES - begin, 0), begin) if begin < self._size else b''
+        content = self._bytes(max(self._size - TAIL_BYTES - begin, 0), begin) if begin < self._size else b''
         if not content or checksum not in (0, zlib.crc32(content + tail[:-len(MCAP_MAGIC) - 4])):
             return None
         try:
@@ -115,7 +127,7 @@ class McapFile:
         for index in sorted(indexes, key=lambda index: index.chunk_start_offset):
             if index.message_end_time < since:
                 continue
-            record = _read(self._file, index.chunk_length, index.chunk_start_offset)
+            record = self._bytes(index.chunk_length, index.chunk_start_offset)
             chunk = _chunk_of(record[RECORD_HEAD.size:])
             if chunk is None or RECORD_HEAD.unpack_from(record)[1] != index.chunk_length - RECORD_HEAD.size:
                 yield Damage(DamageKind.RECORDS, self._name, 1, index.chunk_length)
@@ -127,7 +139,7 @@ class McapFile:
         while at is not None:
             opcode, length = self._head(at) or (None, 0)
             end = at + RECORD_HEAD.size + length
-            record = _read(self._file, end - at, at)
+            record = self._bytes(end - at, at)
             chunk = _chunk_of(record[RECORD_HEAD.size:])
             if chunk is not None:
                 if chunk.message_end_time >= since or self.summary is not None or not self._channels:
@@ -147,7 +159,7 @@ class McapFile:
 
     def _head(self, at: int) -> tuple[int, int] | None:
         """Return opcode and length of the record at ``at``, or None if no record can begin there."""
-        head = _read(self._file, RECORD_HEAD.size, at)
+        head = self._bytes(RECORD_HEAD.size, at)
         if len(head) < RECORD_HEAD.size:
             return None
         opcode, length = RECORD_HEAD.unpack(head)
@@ -158,11 +170,11 @@ class McapFile:
 
     def _next_chunk(self, at: int) -> int | None:
         for begin in range(at, self._size, SEARCH_BYTES):
-            content = _read(self._file, SEARCH_BYTES + RECORD_HEAD.size + CHUNK_SIZE, begin)
+            content = self._bytes(SEARCH_BYTES + RECORD_HEAD.size + CHUNK_SIZE, begin)
             for match in _CHUNK_HEAD.finditer(content):
                 found = begin + match.start()
                 head = self._head(found)
-                if head is not None and _chunk_of(_read(self._file, head[1], found + RECORD_HEAD.size)) is not None:
+                if head is not None and _chunk_of(self._bytes(head[1], found + RECORD_HEAD.size)) is not None:
                     return found
         return None
 
