@@ -2,8 +2,6 @@
 
 import logging
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -162,23 +160,31 @@ class CanLogWriter:
             if self._file is None and not self.failure:
                 return
             self._given += 1
-            with self._failing():
-                if self._file is not None:
+            if self._file is not None:
+                try:
                     self._write(self._file, message)
+                except OSError as error:
+                    self._fail(error)
             self.unwritten = self._given - self.can_frames
 
     def close(self) -> None:
         self._closed.set()
-        with self._lock, self._failing():
+        with self._lock:
             if self._file is not None:
-                self._file.close()
-                self._file = None
+                try:
+                    self._file.close()
+                    self._file = None
+                except OSError as error:
+                    self._fail(error)
 
     def _keep_flushed(self) -> None:
         while not self._closed.wait(FLUSH_PERIOD):
-            with self._lock, self._failing():
+            with self._lock:
                 if self._file is not None and self._file.is_dirty:
-                    self._file.flush()
+                    try:
+                        self._file.flush()
+                    except OSError as error:
+                        self._fail(error)
 
     def _write(self, file: LogFile, message: can.Message) -> None:
         if message.channel is None:
@@ -200,19 +206,15 @@ class CanLogWriter:
         self._last = self._file
         self.parts += 1
 
-    @contextmanager
-    def _failing(self) -> Iterator[None]:
-        """End the recording if the disk refuses more data. Flushed data remain on the disk, buffered data are lost."""
-        try:
-            yield
-        except OSError as error:
-            if self._file is not None:
-                self._file.cut_back()
-                self._file = None
-            self.unwritten = self._given - self.can_frames
-            self.failure = (f'The recording {self._last.path} ended after {self.can_frames} CAN frames: '
-                            f'{error.strerror or error}. Free space on the disk, or record elsewhere.')
-            logger.error('%s', self.failure, extra={'fact': error})
+    def _fail(self, error: OSError) -> None:
+        """End the recording, because the disk refuses more data. Flushed data remain on the disk."""
+        if self._file is not None:
+            self._file.cut_back()
+            self._file = None
+        self.unwritten = self._given - self.can_frames
+        self.failure = (f'The recording {self._last.path} ended after {self.can_frames} CAN frames: '
+                        f'{error.strerror or error}. Free space on the disk, or record elsewhere.')
+        logger.error('%s', self.failure, extra={'fact': error})
 
 
 def _check_suffix(path: Path) -> None:
