@@ -244,8 +244,8 @@ def test_an_object_of_a_blf_with_another_size_costs_its_own_frame(tmp_path, size
     assert counted(reader) == [n for n in range(BLF_FRAMES) if n != 100]
     damage, = reader.damages
     assert damage.kind is DamageKind.RECORDS and damage.size == 48
-    # The damage begins at frame 99, because the reader returns a frame only once the next frame is known.
-    assert damage.begin == pytest.approx(1.7e9 + 0.099, abs=0.0011)
+    assert damage.begin == pytest.approx(1.7e9 + 0.099, abs=1e-6)
+    assert damage.end == pytest.approx(1.7e9 + 0.101, abs=1e-6)
 
 
 def test_a_damaged_container_of_a_blf_costs_its_frames_and_those_that_cross_its_ends(tmp_path):

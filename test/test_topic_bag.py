@@ -199,6 +199,8 @@ def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
 def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed):
     reader = TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed) + arrays(1)))
     assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.INCONSISTENT: 1}
+    damage, = reader.damages
+    assert damage.begin == damage.end == EPOCH + 100 and 'at 2023-11-14' in reader.problem
 
 
 def test_a_message_that_is_none_is_counted_not_given(tmp_path):

@@ -7,8 +7,9 @@ sequence. If the sequence is broken, the reader searches for the next chunk. The
 because it contains the length twice and the name of the compression. Messages outside chunks have no checksum. After a
 damaged place, all messages outside chunks are lost up to the end of the file.
 
-The readers in the mcap library stop at the first damage. The readers also skip a chunk with a damaged opcode, as they
-skip any unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
+The readers in the mcap and rosbags libraries stop at the first damage, and read nothing from the file of a killed
+recorder. If zeros have replaced a chunk, or if its opcode is damaged, mcap's readers skip the chunk without an error.
+This module needs the mcap library, so `bag_records` imports this module only for a bag.
 """
 
 import os
