@@ -42,6 +42,8 @@ OPCODES = frozenset(Opcode)
 CHUNK_SIZE = 40
 #: maximum size of an uncompressed record [bytes], because a damaged header may claim any size
 LARGEST_RECORD = 1 << 30
+#: schema of a channel whose schema record is missing
+UNKNOWN_SCHEMA = Schema(id=0, data=b'', encoding='', name='')
 #: block size for the search for the next chunk [bytes]
 SEARCH_BYTES = 1 << 20
 #: possible chunk header: opcode, length below 2**40, then times, size and checksum, then the compression name
@@ -70,8 +72,11 @@ class McapFile:
         tail = self._bytes(TAIL_BYTES, max(self._size - TAIL_BYTES, 0))
         self._has_end = tail.endswith(MCAP_MAGIC)
         self.summary = self._read_summary(tail) if self._has_end and len(tail) == TAIL_BYTES else None
-        self._schemas: dict[int, Schema] = {} if self.summary is None else self.summary.schemas
-        self._channels: dict[int, Channel] = {} if self.summary is None else self.summary.channels
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Recorded] = {}  # message without time and content by channel ID
+        if self.summary is not None:
+            for record in (*self.summary.schemas.values(), *self.summary.channels.values()):
+                self._learn(record)
 
     @property
     def begin(self) -> int | None:
@@ -87,14 +92,14 @@ class McapFile:
         if not self._channels:
             for _ in self.read():
                 pass
-        return {channel.topic: self._type_of(channel) for channel in self._channels.values()}
+        return {channel.topic: channel.type for channel in self._channels.values()}
 
     def count(self, types: Collection[str]) -> int | None:
         """Return the number of messages of the given types, or None if the file has no summary with the counts."""
         if self.summary is None or self.summary.statistics is None:
             return None
         counts = self.summary.statistics.channel_message_counts
-        return sum(counts.get(key, 0) for key, channel in self._channels.items() if self._type_of(channel) in types)
+        return sum(counts.get(key, 0) for key, channel in self._channels.items() if channel.type in types)
 
     def read(self, since: int = 0) -> Iterator[Recorded | Damage]:
         """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` for each damaged part of the file."""
@@ -196,26 +201,17 @@ class McapFile:
             elif (channel := self._channels.get(record.channel_id)) is None:
                 unknown += 1
             elif record.log_time >= since:
-                yield _recorded(channel, self._schemas.get(channel.schema_id), record)
+                yield channel._replace(time=record.log_time, cdr=record.data)
         if unknown:
             yield Damage(DamageKind.UNKNOWN_CHANNEL, self._name, 0, size, detail=f'{unknown} messages')
-
-    def _type_of(self, channel: Channel) -> str:
-        schema = self._schemas.get(channel.schema_id)
-        return '' if schema is None else schema.name
 
     def _learn(self, record: McapRecord) -> None:
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
-            self._channels[record.id] = record
-
-
-def _recorded(channel: Channel, schema: Schema | None, message: Message) -> Recorded:
-    if schema is None:
-        return Recorded(channel.topic, '', message.log_time, message.data)
-    definition = schema.data.decode('utf-8', 'replace') if schema.encoding == MSG_ENCODING else ''
-    return Recorded(channel.topic, schema.name, message.log_time, message.data, definition)
+            schema = self._schemas.get(record.schema_id, UNKNOWN_SCHEMA)
+            definition = schema.data.decode('utf-8', 'replace') if schema.encoding == MSG_ENCODING else ''
+            self._channels[record.id] = Recorded(record.topic, schema.name, 0, b'', definition)
 
 
 def _chunk_of(content: bytes) -> Chunk | None:
