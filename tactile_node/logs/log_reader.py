@@ -67,7 +67,8 @@ def _messages_of(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.M
         with reader:
             yield from reader
     elif suffix == '.blf':
-        yield from blf_messages(opened(path, 'rb'), path.name)
+        content: Any = opened(path, 'rb')
+        yield from blf_messages(content, path.name)
     elif suffix == '.db':
         yield from _of_database(path)
     else:
