@@ -3,6 +3,7 @@
 import gzip
 import itertools
 import re
+import sqlite3
 import struct
 import time
 from datetime import datetime
@@ -178,6 +179,24 @@ def test_damage_within_a_binary_log_is_reported(tmp_path, suffix):
     path.write_bytes(content)
     reader = CanLogReader(path)
     assert len(list(reader)) < 6000 and reader.unread
+
+
+@pytest.mark.parametrize('damage', ['ts = NULL', "ts = 'x'", 'ts = -1.0', 'arbitration_id = NULL',
+                                    'arbitration_id = 4096', 'arbitration_id = 385.5', 'dlc = NULL', 'dlc = 7',
+                                    'data = NULL', 'data = 8'])
+def test_a_damaged_row_of_a_database_costs_its_own_frame(tmp_path, damage):
+    path = tmp_path / 'x.db'
+    writer = can.Logger(str(path))
+    for n in range(20):
+        writer.on_message_received(can.Message(1.7e9 + n / 10, 0x181, False, data=[n, *7 * [0x55]], channel=0))
+    while writer.num_frames < 20:
+        time.sleep(0.01)
+    writer.stop()
+    with sqlite3.connect(path) as base:
+        base.execute(f'UPDATE messages SET {damage} WHERE rowid = 11')
+    base.close()
+    reader = CanLogReader(path)
+    assert numbers(reader) == [n for n in range(20) if n != 10] and reader.unread == 1
 
 
 def test_a_header_without_which_no_line_can_be_read_is_an_error(tmp_path):

@@ -6,6 +6,7 @@ import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
+from operator import index
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -33,6 +34,7 @@ CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')
 SET_BACK = 1.0
 #: forward step of the stamps above which a stamp is suspicious [s]; a working skin never pauses for this long
 FAR_AHEAD = 10.0
+MOST_CLASSIC_DATA = 8  #: maximum data size of a CAN frame that is not CAN FD [bytes]
 
 
 def _messages_of(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.Message | Damage]:
@@ -45,7 +47,7 @@ def _messages_of(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.M
     path
         Path of the file.
     on_unread
-        Called with the reason for each dropped line of a text log.
+        Called with the reason for each dropped line of a text log or row of a database.
     """
     with path.open('rb') as file:
         opened = gzip.open if file.read(2) == b'\x1f\x8b' else open
@@ -70,7 +72,7 @@ def _messages_of(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.M
         content: Any = opened(path, 'rb')
         yield from blf_messages(content, path.name)
     elif suffix == '.db':
-        yield from _of_database(path)
+        yield from _of_database(path, on_unread)
     else:
         logger.warning('%s is read by python-can, which skips parts that it cannot parse, and does not count '
                        'them.', path)
@@ -78,14 +80,23 @@ def _messages_of(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.M
             yield from reader
 
 
-def _of_database(path: Path) -> Iterator[can.Message]:
+def _of_database(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.Message]:
     """Yield the CAN messages of python-can's SQLite format. python-can's reader serves only the thread that opened it.
+
+    ``on_unread`` is called with the reason for each dropped row.
     """
     with closing(open_sqlite(path)) as base:
-        for stamp, can_id, is_extended, is_remote, is_error, dlc, data in base.execute(
-                'SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages'):
-            yield can.Message(stamp, can_id, is_extended_id=bool(is_extended), is_remote_frame=bool(is_remote),
-                              is_error_frame=bool(is_error), dlc=dlc, data=data)
+        for row in base.execute('SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages'):
+            stamp, can_id, is_extended, is_remote, is_error, dlc, data = row
+            try:
+                message = can.Message(
+                    stamp, index(can_id), is_extended_id=bool(is_extended), is_remote_frame=bool(is_remote),
+                    is_error_frame=bool(is_error), is_fd=index(dlc) > MOST_CLASSIC_DATA, dlc=index(dlc),
+                    data=memoryview(data), check=True)
+            except (TypeError, ValueError) as error:  # a damaged database may hold values of any type
+                on_unread(f'a damaged row: {error}')
+            else:
+                yield message
 
 
 class CanLogReader:
