@@ -30,15 +30,18 @@ class SqliteFile:
         return None
 
     def read(self, since: int = 0) -> Iterator[Recorded | Damage]:
-        """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` if the rest cannot be read."""
+        """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` for each damaged part of the file."""
         try:
             with closing(open_sqlite(self._path)) as base:
                 definitions = _definitions(base)
                 for topic, kind, time, data in base.execute(
                         'SELECT topics.name, topics.type, messages.timestamp, messages.data FROM messages '
-                        'JOIN topics ON messages.topic_id = topics.id WHERE messages.timestamp >= ? '
+                        'LEFT JOIN topics ON messages.topic_id = topics.id WHERE messages.timestamp >= ? '
                         'ORDER BY messages.timestamp, messages.id', (since,)):
-                    yield Recorded(topic, kind, time, data, definitions.get(kind, ''))
+                    if isinstance(topic, str) and isinstance(kind, str) and isinstance(time, int):
+                        yield Recorded(topic, kind, time, data, definitions.get(kind, ''))
+                    else:  # a damaged database may hold values of any type
+                        yield Damage(DamageKind.RECORDS, self._path.name, detail='a row without a topic or a time')
         except sqlite3.Error as error:
             yield Damage(DamageKind.DATABASE, self._path.name, detail=str(error))
 
