@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
-from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
 
@@ -193,9 +193,9 @@ def _load_archive(path: str, content: bytes) -> dict[str, np.ndarray]:
     try:
         with ZipFile(io.BytesIO(content)) as archive:
             members = archive.infolist()
-    except (ValueError, OSError, BadZipFile) as error:
+    except Exception as error:  # zipfile also raises errors from struct, and for versions that it does not know
         raise _unusable(path, str(error)) from None
-    # Python unpacks at most the announced size, but not for the other methods, which NumPy does not write.
+    # Python stops unpacking at the announced size, except for the compressions that NumPy does not write.
     if other := [member.filename for member in members if member.compress_type not in (ZIP_STORED, ZIP_DEFLATED)]:
         raise _unusable(path, f'the member {other[0]!r} in a compression that NumPy does not write')
     if (size := sum(member.file_size for member in members)) > MOST_UNPACKED:
@@ -213,7 +213,7 @@ def _load(path: str, content: bytes) -> Any:
         return loaded if isinstance(loaded, np.ndarray) else dict(loaded)
     except MemoryError:
         raise _unusable(path, 'more than fits into memory') from None
-    except Exception as error:  # NumPy also raises errors from zipfile, zlib, lzma and its own parser of headers
+    except Exception as error:  # NumPy also raises errors from zipfile, zlib and tokenize
         raise _unusable(path, ' '.join(str(error).split()) or type(error).__name__) from None
 
 
