@@ -5,6 +5,7 @@ Other libraries must read our bags, our reader must read their bags, and both ki
 
 import gzip
 import shutil
+import sqlite3
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -166,6 +167,17 @@ def of_sqlite(folder, name):
         time.sleep(0.01)
     writer.stop()
     return folder / name
+
+
+@pytest.mark.parametrize('damage', ["timestamp = 'x'", 'topic_id = 99', 'data = 8'])
+def test_a_damaged_row_of_a_bag_costs_its_own_frame(tmp_path, damage):
+    file = next(bag(tmp_path / 'bag', 'SQLITE3').glob('*.db3'))
+    with sqlite3.connect(file) as base:
+        first, = base.execute('SELECT min(id) FROM messages').fetchone()
+        base.execute(f'UPDATE messages SET {damage} WHERE id = {first + 1}')
+    base.close()
+    reader = CanLogReader(file)
+    assert content_of(reader) == content_of([SENT[0], SENT[2]]) and reader.unread == 1
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import gzip
 import itertools
 import re
+import sqlite3
 import struct
 import time
 from datetime import datetime
@@ -180,6 +181,24 @@ def test_damage_within_a_binary_log_is_reported(tmp_path, suffix):
     assert len(list(reader)) < 6000 and reader.unread
 
 
+@pytest.mark.parametrize('damage', ['ts = NULL', "ts = 'x'", 'ts = -1.0', 'arbitration_id = NULL',
+                                    'arbitration_id = 4096', 'arbitration_id = 385.5', 'dlc = NULL', 'dlc = 7',
+                                    'data = NULL', 'data = 8'])
+def test_a_damaged_row_of_a_database_costs_its_own_frame(tmp_path, damage):
+    path = tmp_path / 'x.db'
+    writer = can.Logger(str(path))
+    for n in range(20):
+        writer.on_message_received(can.Message(1.7e9 + n / 10, 0x181, False, data=[n, *7 * [0x55]], channel=0))
+    while writer.num_frames < 20:
+        time.sleep(0.01)
+    writer.stop()
+    with sqlite3.connect(path) as base:
+        base.execute(f'UPDATE messages SET {damage} WHERE rowid = 11')
+    base.close()
+    reader = CanLogReader(path)
+    assert numbers(reader) == [n for n in range(20) if n != 10] and reader.unread == 1
+
+
 def test_a_header_without_which_no_line_can_be_read_is_an_error(tmp_path):
     """python-can raises this error repeatedly, even when no line is left."""
     lines = [';$FILEVERSION=2.1', ';$STARTTIME=45245.4', *(f'{n} {n}.000 DT 1 0181 Rx - 2 0A 0B' for n in range(1, 5))]
@@ -244,8 +263,8 @@ def test_an_object_of_a_blf_with_another_size_costs_its_own_frame(tmp_path, size
     assert counted(reader) == [n for n in range(BLF_FRAMES) if n != 100]
     damage, = reader.damages
     assert damage.kind is DamageKind.RECORDS and damage.size == 48
-    # The damage begins at frame 99, because the reader returns a frame only once the next frame is known.
-    assert damage.begin == pytest.approx(1.7e9 + 0.099, abs=0.0011)
+    assert damage.begin == pytest.approx(1.7e9 + 0.099, abs=1e-6)
+    assert damage.end == pytest.approx(1.7e9 + 0.101, abs=1e-6)
 
 
 def test_a_damaged_container_of_a_blf_costs_its_frames_and_those_that_cross_its_ends(tmp_path):

@@ -237,8 +237,11 @@ def no_array(path):
 
 
 def other_compression(path):
+    """The limit on the unpacked size does not hold for this compression, so even a valid array is refused."""
+    stream = io.BytesIO()
+    np.save(stream, SQUARE)
     with ZipFile(path, 'w', ZIP_LZMA) as archive:
-        archive.writestr('values.npy', 'x' * 100)
+        archive.writestr('values.npy', stream.getvalue())
 
 
 def encrypted(path):

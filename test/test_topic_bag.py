@@ -199,6 +199,8 @@ def test_a_truncated_bag_yields_its_intact_part_and_reports_the_damage(tmp_path)
 def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed):
     reader = TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed) + arrays(1)))
     assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.INCONSISTENT: 1}
+    damage, = reader.damages
+    assert damage.begin == damage.end == EPOCH + 100 and 'at 2023-11-14' in reader.problem
 
 
 def test_a_malformed_message_is_counted_and_not_returned(tmp_path):

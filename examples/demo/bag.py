@@ -19,7 +19,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from examples.demo.topics import frame_topics
-from tactile_node.logs.topic_bag import message_types
+from tactile_node.logs.bag_decoder import message_types
 from tactile_node.nodes.spinning import spinning
 from tactile_node.ros.qos import frames_qos
 

@@ -2,11 +2,10 @@
 
 import io
 import sys
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
-from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
 
@@ -90,15 +89,13 @@ def _bad(where: str, expected: str, got: str) -> InputError:
 
 
 FORMATS = {'.npy': 'npy', '.npz': 'npz', '.csv': 'csv', '.png': 'png'}
-MAGIC_OF_ARCHIVE = b'PK'
-#: file formats by first bytes, used if the suffix is unknown; a file with other first bytes is read as text
-FORMAT_MAGIC = {b'\x93NUMPY': 'npy', MAGIC_OF_ARCHIVE: 'npz', b'\x89PNG': 'png'}
+#: file formats by first bytes; a file with other first bytes is text
+FORMAT_MAGIC = {b'\x93NUMPY': 'npy', b'PK': 'npz', b'\x89PNG': 'png'}
 #: name of the array in an .npz that contains the frames
 VALUES_NAME = 'values'
 #: maximum size of an archive after unpacking [bytes], because a small file can claim any size; 2 GiB hold 9 hours of 16
 #: x 16 taxels at 50 Hz
 MOST_UNPACKED = 2 << 30
-ENCRYPTED_FLAG = 1  #: flag bit of an encrypted archive member (PKWARE APPNOTE 4.4.4)
 VALUED_STATUSES = TaxelStatus.VALID, TaxelStatus.SATURATED
 FILE_REMEDY = 'Give a .npy, .npz, .csv or .png file; `tactile classify --help` describes each format.'
 
@@ -141,19 +138,19 @@ def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
         Raised if the file cannot be read or contains no taxel frames.
     """
     content = _content(path)
-    suffix = Path(path).suffix.lower()
-    by_content = (kind for magic, kind in FORMAT_MAGIC.items() if content.startswith(magic))
-    kind = FORMATS.get(suffix) or next(by_content, 'csv')
     if not content:
         raise _unusable(path, 'nothing')
+    found = next((kind for magic, kind in FORMAT_MAGIC.items() if content.startswith(magic)), 'csv')
+    kind = FORMATS.get(Path(path).suffix.lower(), found)
     if kind == 'csv':
         return TaxelFrames(read_text(content, _name(path)))
     if kind == 'png':
         return TaxelFrames(read_png(content, _name(path), greys)[np.newaxis])
-    loaded = _load(path, content)
-    if isinstance(loaded, np.ndarray) != (kind == 'npy'):
-        raise _unusable(path, 'an archive (.npz)' if kind == 'npy' else 'a single array (.npy)')
-    return TaxelFrames(_frames(path, loaded)) if isinstance(loaded, np.ndarray) else _of_archive(path, loaded)
+    if kind != found:
+        raise _unusable(path, 'content in another format')
+    if kind == 'npy':
+        return TaxelFrames(_frames(path, _load(path, content)))
+    return _of_archive(path, _load_archive(path, content))
 
 
 def write_archive(stream: BinaryIO, frames: Sequence[TaxelFrame], shape: tuple[int, int], *, pad: str, pitch: float,
@@ -192,42 +189,32 @@ def _content(path: str) -> bytes:
         raise _unusable(path, 'more than fits into memory') from None
 
 
-def _load(path: str, content: bytes) -> np.ndarray | dict[str, np.ndarray]:
+def _load_archive(path: str, content: bytes) -> dict[str, np.ndarray]:
     try:
-        if content.startswith(MAGIC_OF_ARCHIVE):
-            _check_members(path, content)
-        loaded = np.load(io.BytesIO(content), allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            return loaded
-        arrays = dict(loaded)
-    except EOFError:
-        raise _unusable(path, 'a file that is cut short') from None
-    except MemoryError:
-        raise _unusable(path, 'more than fits into memory') from None
-    except (ValueError, KeyError, OSError, BadZipFile, zlib.error) as error:
-        # NumPy treats every file of unknown format as a pickle, and this package never loads pickles.
-        got = 'another format, or Python objects' if 'pickle' in str(error) else ' '.join(str(error).split())
-        raise _unusable(path, got) from None
-    # NumPy returns members that are not arrays as bytes
-    if not all(isinstance(each, np.ndarray) for each in arrays.values()):
-        raise _unusable(path, 'members that hold no array')
+        with ZipFile(io.BytesIO(content)) as archive:
+            members = archive.infolist()
+    except Exception as error:  # zipfile also raises errors from struct, and for versions that it does not know
+        raise _unusable(path, str(error)) from None
+    # Python stops unpacking at the announced size, except for the compressions that NumPy does not write.
+    if other := [member.filename for member in members if member.compress_type not in (ZIP_STORED, ZIP_DEFLATED)]:
+        raise _unusable(path, f'the member {other[0]!r} in a compression that NumPy does not write')
+    if (size := sum(member.file_size for member in members)) > MOST_UNPACKED:
+        raise _unusable(path, f'{size / (1 << 30):.1f} GiB unpacked, more than {MOST_UNPACKED >> 30}')
+    arrays = _load(path, content)
+    if strange := [name for name, each in arrays.items() if not isinstance(each, np.ndarray)]:
+        raise _unusable(path, f'the member {strange[0]!r}, which holds no array')
     return arrays
 
 
-def _check_members(path: str, content: bytes) -> None:
-    """Before unpacking an archive, raise InputError if a member is not a NumPy array or the archive is too large."""
-    with ZipFile(io.BytesIO(content)) as archive:
-        members = archive.infolist()
-    strange = [member.filename for member in members if not _is_of_numpy(member)]
-    if strange:
-        raise _unusable(path, f'the member {strange[0]!r}, which NumPy has not written')
-    if (size := sum(member.file_size for member in members)) > MOST_UNPACKED:
-        raise _unusable(path, f'{size / (1 << 30):.1f} GiB unpacked, more than {MOST_UNPACKED >> 30}')
-
-
-def _is_of_numpy(member: ZipInfo) -> bool:
-    return (member.filename.endswith('.npy') and member.compress_type in (ZIP_STORED, ZIP_DEFLATED)
-            and not member.flag_bits & ENCRYPTED_FLAG)
+def _load(path: str, content: bytes) -> Any:
+    """Return the array in an .npy file, or the members of an .npz archive by name."""
+    try:
+        loaded = np.load(io.BytesIO(content), allow_pickle=False)
+        return loaded if isinstance(loaded, np.ndarray) else dict(loaded)
+    except MemoryError:
+        raise _unusable(path, 'more than fits into memory') from None
+    except Exception as error:  # NumPy also raises errors from zipfile, zlib and tokenize
+        raise _unusable(path, ' '.join(str(error).split()) or type(error).__name__) from None
 
 
 def _of_archive(path: str, arrays: dict[str, np.ndarray]) -> TaxelFrames:

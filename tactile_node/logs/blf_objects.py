@@ -6,14 +6,13 @@ python-can's reader would yield the same CAN frame forever. The reader also does
 
 import os
 import zlib
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from io import BytesIO
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import can
 from can.io import blf
 
-from tactile_node.logs.bag_records import OnDamage
 from tactile_node.logs.damage import Damage, DamageKind
 
 SIGNATURE = b'LOBJ'
@@ -29,69 +28,79 @@ _CONTENTS = {blf.CAN_MESSAGE: blf.CAN_MSG_STRUCT.size, blf.CAN_MESSAGE2: blf.CAN
              blf.CAN_FD_MESSAGE_64: blf.CAN_FD_MSG_64_STRUCT.size}
 
 
-class BlfReader(can.BLFReader):
-    """BLF reader of python-can that receives only intact objects. ``on_damage`` is called with each missing part."""
+def blf_messages(file: BinaryIO, name: str) -> Iterator[can.Message | Damage]:
+    """Yield the CAN messages of a BLF log, and a `Damage` for each missing part.
 
-    def __init__(self, file: BinaryIO, name: str, on_damage: OnDamage):
-        super().__init__(file)
-        self._name, self._on_damage = name, on_damage
+    Parameters
+    ----------
+    file
+        The open log, which this function closes.
+    name
+        File name to show in damage reports.
+    """
+    with file:
+        reader = can.BLFReader(file)
+        for found in _whole_objects(file, name, reader.object_count):
+            if isinstance(found, Damage):
+                yield found
+                continue
+            size = _BASE.size + _CONTAINER.size + len(found)
+            head = _BASE.pack(SIGNATURE, _BASE.size, 1, size, blf.LOG_CONTAINER)
+            reader.file = BytesIO(head + _CONTAINER.pack(blf.NO_COMPRESSION, len(found)) + found)
+            yield from reader
 
-    def __iter__(self) -> Generator[can.Message, None, None]:
-        file: Any = self.file
+
+def _whole_objects(file: BinaryIO, name: str, count: int) -> Iterator[bytes | Damage]:
+    """Yield runs of intact objects. Each run ends at damage or at the end of a container.
+
+    ``count`` is the number of objects according to the file header, or 0 if unknown.
+    """
+    data, read, is_damaged = b'', 0, False
+    for content in _contents(file, name):
+        if isinstance(content, Damage):
+            yield content
+            data, is_damaged = b'', True  # an object that ends in a damaged container is lost
+            continue
+        data += content
+        first = end = at = 0
+        while (begin := data.find(SIGNATURE, at)) >= 0 and begin + _BASE.size <= len(data):
+            size = _size(data, begin)
+            if size == 0:
+                at = begin + 1
+                continue
+            if begin + size > len(data):  # the object ends in the next container
+                break
+            if begin - end > PADDING:
+                yield data[first:end]
+                yield Damage(DamageKind.RECORDS, name, size=begin - end)
+                is_damaged = True
+                first = begin
+            read += _BASE.unpack_from(data, begin)[-1] != RESTORE_POINTS
+            at = end = begin + size
+        yield data[first:end]
+        data = data[end:]
+    rest = len(data) + len(file.read())
+    if rest > PADDING or not count or read < count and not is_damaged:
+        yield Damage(DamageKind.CUT_SHORT, name, size=rest,
+                     detail=f'{read} of {count or "an unknown number of"} objects')
+
+
+def _contents(file: BinaryIO, name: str) -> Iterator[bytes | Damage]:
+    """Yield the content of each container, or a `Damage` for it, and each object outside the containers.
+
+    The iteration stops at an unreadable header, because the next object cannot be found.
+    """
+    while head := file.read(_BASE.size):
+        size, kind = _BASE.unpack(head)[-2:] if len(head) == _BASE.size else (0, 0)
+        if not head.startswith(SIGNATURE) or size < _BASE.size:
+            file.seek(-len(head), os.SEEK_CUR)
+            return
+        content = file.read(size - _BASE.size)
+        file.read(size % 4)
         try:
-            for objects in self._whole_objects(file):
-                head = _BASE.pack(SIGNATURE, _BASE.size, 1, _BASE.size + _CONTAINER.size + len(objects),
-                                  blf.LOG_CONTAINER)
-                self.file = BytesIO(head + _CONTAINER.pack(blf.NO_COMPRESSION, len(objects)) + objects)
-                yield from super().__iter__()
-        finally:
-            self.file = file
-
-    def _whole_objects(self, file: BinaryIO) -> Iterator[bytes]:
-        """Yield runs of intact objects. Each run ends at damage or at the end of a container."""
-        data, read, is_damaged = b'', 0, False
-        for content in self._contents(file):
-            data = b'' if content is None else data + content  # an object that ends in a damaged container is lost
-            is_damaged = is_damaged or content is None
-            first = end = at = 0
-            while (begin := data.find(SIGNATURE, at)) >= 0 and begin + _BASE.size <= len(data):
-                size = _size(data, begin)
-                if size == 0:
-                    at = begin + 1
-                    continue
-                if begin + size > len(data):  # the object ends in the next container
-                    break
-                if begin - end > PADDING:
-                    yield data[first:end]
-                    self._on_damage(Damage(DamageKind.RECORDS, self._name, size=begin - end))
-                    is_damaged = True
-                    first = begin
-                read += _BASE.unpack_from(data, begin)[-1] != RESTORE_POINTS
-                at = end = begin + size
-            yield data[first:end]
-            data = data[end:]
-        rest = len(data) + len(file.read())
-        if rest > PADDING or not self.object_count or read < self.object_count and not is_damaged:
-            self._on_damage(Damage(DamageKind.CUT_SHORT, self._name, size=rest,
-                                   detail=f'{read} of {self.object_count or "an unknown number of"} objects'))
-
-    def _contents(self, file: BinaryIO) -> Iterator[bytes | None]:
-        """Yield the content of each container, or None if it is damaged, and each object outside the containers.
-
-        The iteration stops at an unreadable header, because the next object cannot be found.
-        """
-        while head := file.read(_BASE.size):
-            size, kind = _BASE.unpack(head)[-2:] if len(head) == _BASE.size else (0, 0)
-            if not head.startswith(SIGNATURE) or size < _BASE.size:
-                file.seek(-len(head), os.SEEK_CUR)
-                return
-            content = file.read(size - _BASE.size)
-            file.read(size % 4)
-            try:
-                yield _unpacked(content) if kind == blf.LOG_CONTAINER else head + content
-            except zlib.error as error:
-                self._on_damage(Damage(DamageKind.CHUNK, self._name, size=size, detail=str(error)))
-                yield None
+            yield _unpacked(content) if kind == blf.LOG_CONTAINER else head + content
+        except zlib.error as error:
+            yield Damage(DamageKind.CHUNK, name, size=size, detail=str(error))
 
 
 def _unpacked(content: bytes) -> bytes:

@@ -1,8 +1,8 @@
 """Describe the unreadable parts of a recording: the reason, the size and the time of recording."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime, timezone
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from tactile_node.code_names import PhrasedCode
 
@@ -42,6 +42,47 @@ class Damage(NamedTuple):
         return self._replace(chunks=chunks, size=self.size + after.size)
 
 
+OnDamage = Callable[[Damage], None]
+T = TypeVar('T')
+
+
+def placed(found: Iterable[T | Damage], time_of: Callable[[T], float], on_damage: OnDamage) -> Iterator[T]:
+    """Yield the readable parts of a recording, and report each damaged place with the times of its neighbours.
+
+    Adjacent damaged places are reported as one, before the part that follows them is yielded.
+
+    Parameters
+    ----------
+    found
+        Readable parts and damaged places, in the order of recording.
+    time_of
+        Function that returns the time of a readable part [s, Unix epoch].
+    on_damage
+        Called with each damaged place.
+
+    Examples
+    --------
+    >>> lost = Damage(DamageKind.CHUNK, 'x.mcap', 1, 4096)
+    >>> list(placed([10.0, lost, lost, 10.5], float, lambda damage: print(damage_text(damage))))
+    x.mcap: a damaged chunk (2 chunks, 8192 bytes, 0.500 s from 1970-01-01 00:00:10.000 UTC on)
+    [10.0, 10.5]
+    """
+    last: float | None = None
+    damage: Damage | None = None
+    for each in found:
+        if isinstance(each, Damage):
+            damage = each if damage is None else damage.joined(each)
+            continue
+        time = time_of(each)
+        if damage is not None:
+            on_damage(damage._replace(begin=last, end=time))
+            damage = None
+        last = time
+        yield each
+    if damage is not None:
+        on_damage(damage._replace(begin=last))
+
+
 MOST_LINES = 20  #: maximum number of damaged places listed
 
 
@@ -66,6 +107,8 @@ def damage_lines(damages: Sequence[Damage]) -> list[str]:
 
 
 def _span(damage: Damage) -> str:
+    if damage.begin is not None and damage.begin == damage.end:
+        return f'at {utc(damage.begin)}'
     if damage.seconds is not None and damage.begin is not None:
         return f'{damage.seconds:.3f} s from {utc(damage.begin)} on'
     if damage.begin is not None:

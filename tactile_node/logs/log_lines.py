@@ -1,18 +1,10 @@
 """Distinguish the buses in a log by the channel of each CAN frame."""
 
 from collections.abc import Collection
-from typing import NamedTuple
 
 import can
 
 from tactile_node.assembly.router import non_data_kind
-
-
-class TwoBuses(NamedTuple):
-    """Fault: the CAN frames of the pads come from two buses."""
-
-    can_id: int  #: identifier of the frame from the second bus
-    channels: tuple[str, ...]  #: names of the buses
 
 
 class ChosenChannel:
@@ -53,8 +45,14 @@ class OneBus:
         self._received: set[str] = set()  # channels of received frames
         self._used: dict[str, int] = {}  # first identifier from ``can_ids`` on each channel
 
-    def feed(self, message: can.Message) -> TwoBuses | None:
-        """Process the next frame of the log. Return a fault if the frame comes from a second bus, else None."""
+    def feed(self, message: can.Message) -> str:
+        """Process the next frame of the log.
+
+        Returns
+        -------
+        str
+            Identifier of a frame from a second bus with the names of the buses, or '' if all frames come from one bus.
+        """
         channel = str(message.channel)
         is_known = channel in self._received or not message.is_rx
         if not is_known:
@@ -62,8 +60,8 @@ class OneBus:
         is_counted = (channel in self._used or message.arbitration_id not in self._can_ids
                       or non_data_kind(message) is not None)
         if is_known and is_counted:
-            return None
+            return ''
         if not is_counted:
             self._used[channel] = message.arbitration_id
         buses = [used for used in self._used if used in self._received] or list(self._used)
-        return TwoBuses(self._used[buses[-1]], tuple(buses)) if len(buses) > 1 else None
+        return f'0x{self._used[buses[-1]]:03X} on {" and on ".join(buses)}' if len(buses) > 1 else ''

@@ -5,21 +5,24 @@ import logging
 import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from operator import index
 from pathlib import Path
 from typing import Any, NoReturn
 
 import can
-from can.io.generic import MessageReader
 
 from tactile_node.errors import LogError
 from tactile_node.logs import text_formats
-from tactile_node.logs.bag_log import read_can_frames
-from tactile_node.logs.bag_records import OnDamage, is_bag, open_sqlite
-from tactile_node.logs.blf_objects import BlfReader
-from tactile_node.logs.damage import Damage, DamageKind, damage_text, utc
+from tactile_node.logs.bag_decoder import CAN_TYPE, BagDecoder
+from tactile_node.logs.bag_log import can_message
+from tactile_node.logs.bag_records import is_bag, require_topic, topics_of
+from tactile_node.logs.blf_objects import blf_messages
+from tactile_node.logs.damage import Damage, DamageKind, damage_text, placed, utc
 from tactile_node.logs.log_lines import ChosenChannel
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.series import parts_of
+from tactile_node.logs.sqlite_file import open_sqlite
 
 logger = logging.getLogger(__name__)
 
@@ -31,11 +34,22 @@ CONSOLE = re.compile(rb'\s*(\([\d. :-]+\)\s+)?\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]')
 SET_BACK = 1.0
 #: forward step of the stamps above which a stamp is suspicious [s]; a working skin never pauses for this long
 FAR_AHEAD = 10.0
+MOST_CLASSIC_DATA = 8  #: maximum data size of a CAN frame that is not CAN FD [bytes]
 
 
-def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) -> MessageReader:
-    """Return a python-can reader that receives only complete lines of a text log or intact objects of a .blf file."""
-    with open(path, 'rb') as file:
+def _messages_of(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.Message | Damage]:
+    """Yield the CAN messages of a file, and a `Damage` for each damaged place of a .blf file.
+
+    The function passes on the errors of python-can's readers. Each reader raises different errors.
+
+    Parameters
+    ----------
+    path
+        Path of the file.
+    on_unread
+        Called with the reason for each dropped line of a text log or row of a database.
+    """
+    with path.open('rb') as file:
         opened = gzip.open if file.read(2) == b'\x1f\x8b' else open
     with opened(path, 'rb') as stream:
         try:
@@ -43,34 +57,46 @@ def _reader(path: str, on_unread: Callable[[str], None], on_damage: OnDamage) ->
         except (EOFError, OSError, zlib.error):  # reading the whole file will report the damage
             head = b''
     if CONSOLE.match(head):
-        raise LogError(path, expected='a log with the stamps of its CAN frames',
+        raise LogError(str(path), expected='a log with the stamps of its CAN frames',
                        got='text in the format that candump prints on a terminal',
                        remedy='Record with `tactile record`, or with candump -L.')
-    suffix = Path(path.lower().removesuffix('.gz')).suffix
+    suffix = Path(path.name.lower().removesuffix('.gz')).suffix
     form = text_formats.CANDUMP if CANDUMP.match(head) else text_formats.FORMATS.get(suffix)
     if form is not None:
         text = opened(path, 'rt', encoding='utf-8', errors='replace')  # an invalid byte then affects only its line
         reader: Any = form.reader(text)
         reader.file = text_formats.whole_lines(text, form, on_unread)
-        return reader
-    if suffix == '.blf':
+        with reader:
+            yield from reader
+    elif suffix == '.blf':
         content: Any = opened(path, 'rb')
-        return BlfReader(content, Path(path).name, on_damage)
-    if suffix == '.db':
-        return _SqliteReader(path)
-    logger.warning('%s is read by python-can, which skips parts that it cannot parse, and does not count '
-                   'them.', path)
-    return can.LogReader(path)
+        yield from blf_messages(content, path.name)
+    elif suffix == '.db':
+        yield from _of_database(path, on_unread)
+    else:
+        logger.warning('%s is read by python-can, which skips parts that it cannot parse, and does not count '
+                       'them.', path)
+        with can.LogReader(str(path)) as reader:
+            yield from reader
 
 
-class _SqliteReader(can.SqliteReader):
-    """python-can's SQLite reader, with a connection that any thread may use."""
+def _of_database(path: Path, on_unread: Callable[[str], None]) -> Iterator[can.Message]:
+    """Yield the CAN messages of python-can's SQLite format. python-can's reader serves only the thread that opened it.
 
-    def __init__(self, path: str):
-        super().__init__(path)
-        self._conn.close()
-        self._conn = open_sqlite(Path(path))
-        self._cursor = self._conn.cursor()
+    ``on_unread`` is called with the reason for each dropped row.
+    """
+    with closing(open_sqlite(path)) as base:
+        for row in base.execute('SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages'):
+            stamp, can_id, is_extended, is_remote, is_error, dlc, data = row
+            try:
+                message = can.Message(
+                    stamp, index(can_id), is_extended_id=bool(is_extended), is_remote_frame=bool(is_remote),
+                    is_error_frame=bool(is_error), is_fd=index(dlc) > MOST_CLASSIC_DATA, dlc=index(dlc),
+                    data=memoryview(data), check=True)
+            except (TypeError, ValueError) as error:  # a damaged database may hold values of any type
+                on_unread(f'a damaged row: {error}')
+            else:
+                yield message
 
 
 class CanLogReader:
@@ -125,21 +151,27 @@ class CanLogReader:
         self.damages = []
         self.can_frames = 0
         self._chosen = ChosenChannel(self._channel)
-        is_of_bag = is_bag(self.path)
-        messages = self._of_bag() if is_of_bag else self._of_parts()
+        messages = self._of_bag() if is_bag(self.path) else placed(
+            self._of_files(), lambda message: message.timestamp, self._damaged)
         messages = without_strays(filter(self._chosen.takes, messages), lambda message: self._unread(
             f'a stamp of {message.timestamp:.6f} s, far from its neighbours'))
-        for message in messages if is_of_bag or self._window == WHOLE else self._within(messages):
+        for message in messages if is_bag(self.path) or self._window == WHOLE else self._within(messages):
             self.can_frames += 1
             self._last = message.timestamp
             yield message
-        if not self.can_frames and self._chosen.others:
+        if not self.can_frames:
+            self._refuse_without_frames()
+
+    def _refuse_without_frames(self) -> NoReturn:
+        if self._chosen.others:
             self._refuse(f'none of channel {self._channel!r}, but of {", ".join(sorted(self._chosen.others))}',
                          'Name one of these.')
-        if not self.can_frames:
-            self._refuse(f'none{f" ({self.unread} lines unread: {self.problem})" if self.unread else ""}',
-                         'Record it again, or check that the suffix fits the content.' if self._window == WHOLE
-                         else 'Check --start and --duration.')
+        if is_bag(self.path) and (topics := topics_of(self.path)):
+            require_topic(self.path, topics, CAN_TYPE,
+                          'Record the topic of your CAN driver, such as /from_can_bus of ros2_socketcan.')
+        self._refuse(f'none{f" ({self.unread} lines unread: {self.problem})" if self.unread else ""}',
+                     'Record it again, or check that the suffix fits the content.' if self._window == WHOLE
+                     else 'Check --start and --duration.')
 
     @property
     def summary(self) -> str:
@@ -149,9 +181,21 @@ class CanLogReader:
 
     def _of_bag(self) -> Iterator[can.Message]:
         try:
-            yield from read_can_frames(self.path, self._damaged, self._window)
+            yield from BagDecoder(self.path).messages((CAN_TYPE,), can_message, self._damaged, self._window)
         except OSError as error:
             self._unread(error)
+
+    def _of_files(self) -> Iterator[can.Message | Damage]:
+        for path in parts_of(self.path):
+            if not path.is_file():
+                yield Damage(DamageKind.MISSING_FILE, path.name)
+                continue
+            try:
+                yield from _messages_of(path, self._unread)
+            except LogError:
+                raise
+            except Exception as error:  # python-can raises different errors for each format and each damage
+                self._unread(error)
 
     def _within(self, messages: Iterator[can.Message]) -> Iterator[can.Message]:
         """Yield the messages in the window. Earlier messages must be read too, because text logs have no index."""
@@ -163,39 +207,6 @@ class CanLogReader:
                 return
             if since >= self._window.start:
                 yield message
-
-    def _of_parts(self) -> Iterator[can.Message]:
-        last: float | None = None
-        missing: list[Damage] = []
-        for part in parts_of(self.path):
-            if not part.is_there:
-                missing.append(Damage(DamageKind.MISSING_FILE, part.path.name, begin=last))
-                continue
-            for message in self._of_file(part.path):
-                for damage in missing:
-                    self._damaged(damage._replace(end=message.timestamp))
-                missing, last = [], message.timestamp
-                yield message
-        for damage in missing:
-            self._damaged(damage)
-
-    def _of_file(self, path: Path) -> Iterator[can.Message]:
-        try:
-            reader = _reader(str(path), self._unread, lambda damage: self._damaged(
-                damage._replace(begin=self._last or None)))
-        except LogError:
-            raise
-        except Exception as error:  # each python-can reader raises different errors for a bad header
-            if path != Path(self.path):  # the other files of the series can still be read
-                self._unread(error)
-                return
-            self._refuse(f'{type(error).__name__}: {error}',
-                         'Give a log in a format that python-can reads, with the suffix of that format.')
-        try:
-            with reader:
-                yield from reader
-        except Exception as error:  # each reader raises different errors for a truncated or damaged .gz
-            self._unread(error)
 
     def _damaged(self, damage: Damage) -> None:
         self.damages.append(damage)

@@ -2,8 +2,6 @@
 
 import logging
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ logger = logging.getLogger(__name__)
 
 WRITTEN_SUFFIXES = ('.log', '.log.gz', '.mcap')  #: formats that can be written
 FLUSH_PERIOD = 0.5  #: time between two flushes [s], and the longest period that a killed recording loses
+CHECK_INTERVAL = 256  #: number of CAN frames between two checks of the size limit
 MEGABYTE = 1_000_000  #: [bytes]
 
 
@@ -51,8 +50,8 @@ class LogFile:
 
     def reaches(self, largest: int) -> bool:
         """Return True if the file, with all messages written so far, has at least ``largest`` bytes. Raises OSError."""
-        if isinstance(self.writer, McapCanWriter) and self.writer.file.tell() + CHUNK_BYTES < largest:
-            return False  # this check needs no flush, because a flush would end the chunk
+        if self.writer.file.tell() + CHUNK_BYTES < largest:
+            return False  # this check needs no flush, because a flush would end an MCAP chunk
         self.flush()
         return self._size >= largest
 
@@ -73,8 +72,8 @@ class LogFile:
         self.flush()
         self.writer.stop()
 
-    def cut_back(self) -> int:
-        """Truncate the file after the last flushed frame, and return the number of lost frames.
+    def cut_back(self) -> None:
+        """Truncate the file after the last flushed frame, and count only the frames up to there.
 
         After an OSError, a full disk may hold only half of the last frame. Without the truncation, the number of lost
         frames would be unknown.
@@ -85,8 +84,7 @@ class LogFile:
             pass
         with self.path.open('r+b') as file:
             file.truncate(self._size)
-        lost, self.can_frames = self.can_frames - self._flushed, self._flushed
-        return lost
+        self.can_frames = self._flushed
 
 
 class CanLogWriter:
@@ -118,7 +116,8 @@ class CanLogWriter:
     can_frames
         Number of recorded messages.
     unwritten
-        Number of messages that do not fit the format or arrived after the recording had failed.
+        Number of messages given to the writer that are not in the log: messages that do not fit the format, and
+        messages lost by a failure or received after a failure.
     failure
         Reason why the recording failed, for example a full disk, or '' if it did not fail. The reason is also logged.
         After a failure, the recording ends with the last flushed frame, and the rest of the process continues.
@@ -134,6 +133,7 @@ class CanLogWriter:
         self._channel = '_'.join(channel.rsplit('/')[-1].split()) or None
         self._largest = largest
         self._lock = threading.Lock()
+        self._given = 0  # number of messages given before `close`
         self._recorded = 0  # number of messages in the earlier files
         self.parts = 1
         self.unwritten = 0
@@ -157,76 +157,63 @@ class CanLogWriter:
     def write(self, message: can.Message) -> None:
         """Write one message, or do nothing after `close`."""
         with self._lock:
-            if self._file is None:
-                self.unwritten += bool(self.failure)
+            if self._file is None and not self.failure:
                 return
-            if message.channel is None:
-                message.channel = self._channel
-            try:
-                self._file.write(message)
-            except ValueError:  # the message does not fit the format
-                self.unwritten += 1
-            except OSError as error:
-                self.unwritten += 1
-                self._fail(error)
-            else:
-                self._limit(self._file)
+            self._given += 1
+            if self._file is not None:
+                try:
+                    self._write(self._file, message)
+                except OSError as error:
+                    self._fail(error)
+            self.unwritten = self._given - self.can_frames
 
     def close(self) -> None:
         self._closed.set()
         with self._lock:
             if self._file is not None:
-                with self._failing():
+                try:
                     self._file.close()
                     self._file = None
+                except OSError as error:
+                    self._fail(error)
 
     def _keep_flushed(self) -> None:
         while not self._closed.wait(FLUSH_PERIOD):
             with self._lock:
                 if self._file is not None and self._file.is_dirty:
-                    with self._failing():
+                    try:
                         self._file.flush()
+                    except OSError as error:
+                        self._fail(error)
 
-    def _limit(self, file: LogFile) -> None:
-        """Start a new file if ``file`` has reached the size limit."""
-        if not self._largest or file.can_frames % 256:
+    def _write(self, file: LogFile, message: can.Message) -> None:
+        if message.channel is None:
+            message.channel = self._channel
+        try:
+            file.write(message)
+        except ValueError:  # the message does not fit the format
             return
-        with self._failing():
-            if file.reaches(self._largest):
-                file.close()
-                self._file = None
-                self._begin_part()
+        if self._largest and file.can_frames % CHECK_INTERVAL == 0 and file.reaches(self._largest):
+            file.close()
+            self._begin_part()
 
     def _begin_part(self) -> None:
-        try:
-            path = part(self.path, self.parts + 1)
-            path.open('xb').close()
-            self._file = LogFile(path)
-        except (OSError, ValueError, ImportError) as error:
-            self._report(error)
-            return
+        self._file = None
+        path = part(self.path, self.parts + 1)
+        path.open('xb').close()
+        self._file = LogFile(path)
         self._recorded += self._last.can_frames
         self._last = self._file
         self.parts += 1
 
-    @contextmanager
-    def _failing(self) -> Iterator[None]:
-        """End the recording if the disk refuses more data."""
-        try:
-            yield
-        except OSError as error:
-            self._fail(error)
-
     def _fail(self, error: OSError) -> None:
-        """End the recording. Flushed data remain on the disk, and buffered data are lost."""
-        file, self._file = self._file, None
-        if file is not None:
-            self.unwritten += file.cut_back()
-        self._report(error)
-
-    def _report(self, error: Exception) -> None:
+        """End the recording, because the disk refuses more data. Flushed data remain on the disk."""
+        if self._file is not None:
+            self._file.cut_back()
+            self._file = None
+        self.unwritten = self._given - self.can_frames
         self.failure = (f'The recording {self._last.path} ended after {self.can_frames} CAN frames: '
-                        f'{getattr(error, "strerror", "") or error}. Free space on the disk, or record elsewhere.')
+                        f'{error.strerror or error}. Free space on the disk, or record elsewhere.')
         logger.error('%s', self.failure, extra={'fact': error})
 
 

@@ -7,17 +7,18 @@ sequence. If the sequence is broken, the reader searches for the next chunk. The
 because it contains the length twice and the name of the compression. Messages outside chunks have no checksum. After a
 damaged place, all messages outside chunks are lost up to the end of the file.
 
-The readers in the mcap library stop at the first damage. The readers also skip a chunk with a damaged opcode, as they
-skip any unknown record. This module needs the mcap library, so `bag_records` imports this module only for a bag.
+The readers in the mcap and rosbags libraries stop at the first damage, and read nothing from the file of a killed
+recorder. If zeros have replaced a chunk, or if its opcode is damaged, mcap's readers skip the chunk without an error.
+This module needs the mcap library, so `bag_records` imports this module only for a bag.
 """
 
 import os
 import re
 import struct
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from io import BytesIO
-from typing import NamedTuple
+from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -27,6 +28,7 @@ from mcap.stream_reader import breakup_chunk
 from mcap.summary import Summary
 
 from tactile_node.logs.damage import Damage, DamageKind
+from tactile_node.logs.recorded import MSG_ENCODING, Recorded
 
 MCAP_MAGIC = b'\x89MCAP0\r\n'
 #: record header: opcode, length of the content [bytes]
@@ -40,24 +42,12 @@ OPCODES = frozenset(Opcode)
 CHUNK_SIZE = 40
 #: maximum size of an uncompressed record [bytes], because a damaged header may claim any size
 LARGEST_RECORD = 1 << 30
+#: schema of a channel whose schema record is missing
+UNKNOWN_SCHEMA = Schema(id=0, data=b'', encoding='', name='')
 #: block size for the search for the next chunk [bytes]
 SEARCH_BYTES = 1 << 20
 #: possible chunk header: opcode, length below 2**40, then times, size and checksum, then the compression name
 _CHUNK_HEAD = re.compile(rb'(?s)\x06(?=.{5}\0\0\0.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd))')
-
-
-class Stored(NamedTuple):
-    """A message stored in the file."""
-
-    channel: Channel
-    schema: Schema | None
-    time: int  #: time of recording [ns]
-    data: bytes
-
-
-def _read(file: int, size: int, at: int) -> bytes:
-    os.lseek(file, at, os.SEEK_SET)  # Windows lacks os.pread
-    return os.read(file, size)
 
 
 class McapFile:
@@ -66,7 +56,7 @@ class McapFile:
     Parameters
     ----------
     file
-        File descriptor.
+        The file.
     name
         File name to show in damage reports.
 
@@ -76,34 +66,60 @@ class McapFile:
         Summary at the end of the file, or None if the summary is missing or damaged.
     """
 
-    def __init__(self, file: int, name: str):
-        self._file, self._name, self._size = file, name, os.fstat(file).st_size
-        tail = _read(file, TAIL_BYTES, max(self._size - TAIL_BYTES, 0))
+    def __init__(self, file: BinaryIO, name: str):
+        self._file, self._name = file, name
+        self._size = file.seek(0, os.SEEK_END)
+        tail = self._bytes(TAIL_BYTES, max(self._size - TAIL_BYTES, 0))
         self._has_end = tail.endswith(MCAP_MAGIC)
         self.summary = self._read_summary(tail) if self._has_end and len(tail) == TAIL_BYTES else None
-        self._schemas: dict[int, Schema] = {} if self.summary is None else self.summary.schemas
-        self._channels: dict[int, Channel] = {} if self.summary is None else self.summary.channels
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Recorded] = {}  # message without time and content by channel ID
+        if self.summary is not None:
+            for record in (*self.summary.schemas.values(), *self.summary.channels.values()):
+                self._learn(record)
 
     @property
-    def channels(self) -> list[tuple[Channel, Schema | None]]:
-        """Channels known so far, each with its schema, or None if the schema is unknown."""
-        return [(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
+    def begin(self) -> int | None:
+        """Recording time of the first message according to the summary [ns], or None if unknown."""
+        statistics = None if self.summary is None else self.summary.statistics
+        return statistics.message_start_time if statistics is not None and statistics.message_count else None
 
-    def read(self, since: int = 0) -> Iterator[Stored | Damage]:
+    def topics(self) -> dict[str, str]:
+        """Return the message type of each topic, or '' where the type is unknown.
+
+        Without a summary, the topics are known only after reading the messages.
+        """
+        if not self._channels:
+            for _ in self.read():
+                pass
+        return {channel.topic: channel.type for channel in self._channels.values()}
+
+    def count(self, types: Collection[str]) -> int | None:
+        """Return the number of messages of the given types, or None if the file has no summary with the counts."""
+        if self.summary is None or self.summary.statistics is None:
+            return None
+        counts = self.summary.statistics.channel_message_counts
+        return sum(counts.get(key, 0) for key, channel in self._channels.items() if channel.type in types)
+
+    def read(self, since: int = 0) -> Iterator[Recorded | Damage]:
         """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` for each damaged part of the file."""
         read, is_damaged = 0, False
         indexes = () if self.summary is None else self.summary.chunk_indexes
         for found in self._read_indexed(indexes, since) if indexes else self._walk(since):
             is_damaged = is_damaged or isinstance(found, Damage)
-            read += isinstance(found, Stored)
+            read += isinstance(found, Recorded)
             yield found
         statistics = None if self.summary is None or since else self.summary.statistics
         if statistics is not None and read < statistics.message_count and not is_damaged:
             yield Damage(DamageKind.RECORDS, self._name, detail=f'{read} of {statistics.message_count} messages')
 
+    def _bytes(self, size: int, at: int) -> bytes:
+        self._file.seek(at)
+        return self._file.read(size)
+
     def _read_summary(self, tail: bytes) -> Summary | None:
         begin, _, checksum = _FOOTER.unpack_from(tail, RECORD_HEAD.size)
-        content = _read(self._file, max(self._size - TAIL_BYTES - begin, 0), begin) if begin < self._size else b''
+        content = self._bytes(max(self._size - TAIL_BYTES - begin, 0), begin) if begin < self._size else b''
         if not content or checksum not in (0, zlib.crc32(content + tail[:-len(MCAP_MAGIC) - 4])):
             return None
         try:
@@ -113,23 +129,23 @@ class McapFile:
         indexes = () if summary is None else summary.chunk_indexes
         return summary if all(each.chunk_start_offset + each.chunk_length <= self._size for each in indexes) else None
 
-    def _read_indexed(self, indexes: Iterable[ChunkIndex], since: int) -> Iterator[Stored | Damage]:
+    def _read_indexed(self, indexes: Iterable[ChunkIndex], since: int) -> Iterator[Recorded | Damage]:
         for index in sorted(indexes, key=lambda index: index.chunk_start_offset):
             if index.message_end_time < since:
                 continue
-            record = _read(self._file, index.chunk_length, index.chunk_start_offset)
+            record = self._bytes(index.chunk_length, index.chunk_start_offset)
             chunk = _chunk_of(record[RECORD_HEAD.size:])
             if chunk is None or RECORD_HEAD.unpack_from(record)[1] != index.chunk_length - RECORD_HEAD.size:
                 yield Damage(DamageKind.RECORDS, self._name, 1, index.chunk_length)
             else:
                 yield from self._read_chunk(chunk, since)
 
-    def _walk(self, since: int) -> Iterator[Stored | Damage]:
+    def _walk(self, since: int) -> Iterator[Recorded | Damage]:
         at: int | None = len(MCAP_MAGIC)
         while at is not None:
             opcode, length = self._head(at) or (None, 0)
             end = at + RECORD_HEAD.size + length
-            record = _read(self._file, end - at, at)
+            record = self._bytes(end - at, at)
             chunk = _chunk_of(record[RECORD_HEAD.size:])
             if chunk is not None:
                 if chunk.message_end_time >= since or self.summary is not None or not self._channels:
@@ -149,7 +165,7 @@ class McapFile:
 
     def _head(self, at: int) -> tuple[int, int] | None:
         """Return opcode and length of the record at ``at``, or None if no record can begin there."""
-        head = _read(self._file, RECORD_HEAD.size, at)
+        head = self._bytes(RECORD_HEAD.size, at)
         if len(head) < RECORD_HEAD.size:
             return None
         opcode, length = RECORD_HEAD.unpack(head)
@@ -160,15 +176,15 @@ class McapFile:
 
     def _next_chunk(self, at: int) -> int | None:
         for begin in range(at, self._size, SEARCH_BYTES):
-            content = _read(self._file, SEARCH_BYTES + RECORD_HEAD.size + CHUNK_SIZE, begin)
+            content = self._bytes(SEARCH_BYTES + RECORD_HEAD.size + CHUNK_SIZE, begin)
             for match in _CHUNK_HEAD.finditer(content):
                 found = begin + match.start()
                 head = self._head(found)
-                if head is not None and _chunk_of(_read(self._file, head[1], found + RECORD_HEAD.size)) is not None:
+                if head is not None and _chunk_of(self._bytes(head[1], found + RECORD_HEAD.size)) is not None:
                     return found
         return None
 
-    def _read_chunk(self, chunk: Chunk, since: int, is_chunk: bool = True) -> Iterator[Stored | Damage]:
+    def _read_chunk(self, chunk: Chunk, since: int, is_chunk: bool = True) -> Iterator[Recorded | Damage]:
         size = len(chunk.data)
         try:
             if chunk.uncompressed_size > LARGEST_RECORD:
@@ -185,7 +201,7 @@ class McapFile:
             elif (channel := self._channels.get(record.channel_id)) is None:
                 unknown += 1
             elif record.log_time >= since:
-                yield Stored(channel, self._schemas.get(channel.schema_id), record.log_time, record.data)
+                yield channel._replace(time=record.log_time, cdr=record.data)
         if unknown:
             yield Damage(DamageKind.UNKNOWN_CHANNEL, self._name, 0, size, detail=f'{unknown} messages')
 
@@ -193,7 +209,9 @@ class McapFile:
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
-            self._channels[record.id] = record
+            schema = self._schemas.get(record.schema_id, UNKNOWN_SCHEMA)
+            definition = schema.data.decode('utf-8', 'replace') if schema.encoding == MSG_ENCODING else ''
+            self._channels[record.id] = Recorded(record.topic, schema.name, 0, b'', definition)
 
 
 def _chunk_of(content: bytes) -> Chunk | None:

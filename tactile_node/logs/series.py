@@ -3,21 +3,13 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import yaml
 
 BAG_SUFFIXES = ('.mcap', '.db3')  #: suffixes of bag files
 
 
-class Part(NamedTuple):
-    """One file of a recording. Several consecutive missing files are represented by a single Part."""
-
-    path: Path
-    is_there: bool = True
-
-
-def parts_of(path: str | Path) -> tuple[Part, ...]:
+def parts_of(path: str | Path) -> tuple[Path, ...]:
     """Return the files of a recording in the order of recording.
 
     Parameters
@@ -27,24 +19,25 @@ def parts_of(path: str | Path) -> tuple[Part, ...]:
 
     Returns
     -------
-    tuple of Part
-        Files of the recording, including missing files.
+    tuple of Path
+        Files of the recording, including missing files. Several consecutive missing files of a series are represented
+        by the first of them.
     """
     path = Path(path)
     if path.is_dir():
         return _of_folder(path)
-    parts, last = [Part(path)], 1
+    parts, last = [path], 1
     for number in following(path):
         if number > last + 1:
-            parts.append(Part(part(path, last + 1), is_there=False))
-        parts.append(Part(part(path, number)))
+            parts.append(part(path, last + 1))
+        parts.append(part(path, number))
         last = number
     return tuple(parts)
 
 
 def files_of(path: str | Path) -> list[Path]:
     """Return the existing files of a recording in the order of recording."""
-    return [each.path for each in parts_of(path) if each.is_there]
+    return [file for file in parts_of(path) if file.is_file()]
 
 
 def part(path: Path, number: int) -> Path:
@@ -72,11 +65,9 @@ def suffix_of(path: Path) -> str:
     return ''.join(path.suffixes[-2:]) if path.suffix == '.gz' else path.suffix
 
 
-def _of_folder(folder: Path) -> tuple[Part, ...]:
-    there = {file.name for file in folder.iterdir() if file.suffix in BAG_SUFFIXES}
-    names = there | _recorded(folder)
-    return tuple(Part(folder / name, name in there)
-                 for name in sorted(names, key=lambda name: (len(name), name)))  # the key sorts bag_2 before bag_10
+def _of_folder(folder: Path) -> tuple[Path, ...]:
+    names = {file.name for file in folder.iterdir() if file.suffix in BAG_SUFFIXES} | _recorded(folder)
+    return tuple(folder / name for name in sorted(names, key=lambda name: (len(name), name)))  # bag_2 before bag_10
 
 
 def _recorded(folder: Path) -> set[str]:

@@ -1,24 +1,17 @@
-"""Read this package's topics from a ROS 2 bag without ROS.
-
-Messages are decoded with the definition in the bag, so that bags from other versions of this package can be read. If
-the bag has no readable definition, the definition in msg/ is used. Messages are read one at a time, so that memory use
-stays low.
-"""
+"""Read this package's topics from a ROS 2 bag without ROS."""
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
-from functools import cached_property
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_node.errors import LogError
-from tactile_node.logs.bag_log import CAN_TYPE
-from tactile_node.logs.bag_records import Recorded, begin_of, decompress, is_bag, library, records_of, topics_of
+from tactile_node.logs.bag_decoder import CAN_TYPE, PACKAGE, BagDecoder
+from tactile_node.logs.bag_records import is_bag, require_topic, topics_of
 from tactile_node.logs.damage import Damage, DamageKind, damage_text
+from tactile_node.logs.recorded import Recorded
 from tactile_node.logs.replay_times import SECOND, WHOLE, TimeWindow
-from tactile_node.package_files import package_file
 from tactile_node.skin.taxel_array import Time, check_taxel_array
 from tactile_node.taxel_frame import TaxelFrame, TpdoAges, read_only
 
@@ -43,7 +36,6 @@ def _array(values, dtype: type) -> np.ndarray:
     return read_only(np.array(values, dtype))
 
 
-PACKAGE = 'tactile_skin'
 TAXELS = f'{PACKAGE}/msg/TaxelArray'
 STATUS = f'{PACKAGE}/msg/SkinStatus'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -79,12 +71,8 @@ class TopicBagReader:
     ----------
     topics
         Message types by topic.
-    unread
-        Number of messages or parts omitted during the last read, by reason.
-    problem
-        Description of the last part that was omitted.
     damages
-        Places where the files are damaged.
+        Missing parts, and messages omitted during the last read.
 
     Raises
     ------
@@ -93,48 +81,42 @@ class TopicBagReader:
     """
 
     def __init__(self, path: str | Path):
-        self.path = str(path)
+        self.path = Path(path)
         self.topics = topics_of(path)
-        self.unread: Counter[DamageKind] = Counter()
-        self.problem = ''
         self.damages: list[Damage] = []
-        self._types = _TopicTypes(path)
-        self._behind: float | None = None  # difference of stamp and recording time, for the last taxel array [s]
-        if TAXELS not in self.topics.values():
-            got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or (
-                'no readable topic')
-            raise LogError(self.path, expected=f'a bag with a topic of type {TAXELS}', got=got,
-                           remedy='Record the topic <pad>/taxels of the driver.')
+        self._decoder = BagDecoder(path)
+        require_topic(path, self.topics, TAXELS, 'Record the topic <pad>/taxels of the driver.')
 
     @property
     def pads(self) -> tuple[str, ...]:
         """Names of the pads with taxel arrays, sorted."""
         return tuple(sorted(pad_of(topic) for topic, kind in self.topics.items() if kind == TAXELS))
 
+    @property
+    def unread(self) -> Counter[DamageKind]:
+        """Number of messages or parts omitted during the last read, by reason."""
+        return Counter(damage.kind for damage in self.damages)
+
+    @property
+    def problem(self) -> str:
+        """Description of the last part that was omitted."""
+        return damage_text(self.damages[-1]) if self.damages else ''
+
     def messages(self, types: Collection[str], window: TimeWindow = WHOLE) -> Iterator[BagMessage]:
         """Yield the messages of the given types in the window, except TaxelArrays with inconsistent fields."""
-        self._behind = None
-        self.unread, self.problem, self.damages = Counter(), '', []
-        bounds = (0, None) if window == WHOLE else window.of(begin_of(self.path))
-        for recorded in records_of(self.path, self._damaged, *bounds):
-            if recorded.type in types:
-                yield from self._read(recorded)
-
-    def _read(self, recorded: Recorded) -> Iterator[BagMessage]:
-        try:
-            content = self._types.content(recorded)
-        except Exception as error:  # rosbags also raises errors from struct, numpy and zstandard
-            self._leave_out(DamageKind.UNDECODABLE, f'{recorded.topic}: {error}')
-            return
-        if recorded.type == TAXELS and (reason := check_taxel_array(content)):
-            self._leave_out(DamageKind.INCONSISTENT, f'{recorded.topic}: {reason.key}')
-            return
-        at = recorded.time / SECOND
-        if recorded.type == TAXELS:
-            self._behind = seconds(content.header.stamp) - at
-        elif self._behind is None:
-            self._behind = self._first_behind()
-        yield BagMessage(recorded.topic, recorded.type, at, at + self._behind, content)
+        self.damages = []
+        behind: float | None = None  # stamp minus time of recording of the last taxel array [s]
+        for recorded, content in self._decoder.messages(types, _pair, self.damages.append, window):
+            at = recorded.time / SECOND
+            if recorded.type == TAXELS:
+                if reason := check_taxel_array(content):
+                    self.damages.append(Damage(DamageKind.INCONSISTENT, self.path.name, begin=at, end=at,
+                                               detail=f'{recorded.topic}: {reason.key}'))
+                    continue
+                behind = seconds(content.header.stamp) - at
+            elif behind is None:
+                behind = self._first_behind()
+            yield BagMessage(recorded.topic, recorded.type, at, at + behind, content)
 
     def _first_behind(self) -> float:
         """Return the difference between the stamp and the recording time of the first taxel array, or 0 without any.
@@ -144,13 +126,9 @@ class TopicBagReader:
         first = next(TopicBagReader(self.path).messages((TAXELS,)), None)
         return 0.0 if first is None else seconds(first.content.header.stamp) - first.recorded
 
-    def _damaged(self, damage: Damage) -> None:
-        self.damages.append(damage)
-        self._leave_out(damage.kind, damage_text(damage))
 
-    def _leave_out(self, reason: DamageKind, problem: str) -> None:
-        self.unread[reason] += 1
-        self.problem = problem
+def _pair(recorded: Recorded, content: Any) -> tuple[Recorded, Any]:
+    return recorded, content
 
 
 def pad_of(topic: str) -> str:
@@ -160,51 +138,3 @@ def pad_of(topic: str) -> str:
     ('left', 'robot/left')
     """
     return topic.strip('/').rpartition('/')[0]
-
-
-class _TopicTypes:
-    """Decodes messages with the definition in the bag or, if the bag has none, with the definition in msg/."""
-
-    def __init__(self, path: str | Path):
-        self._typesys = library('rosbags.typesys', path)
-        self._stores: dict[tuple[str, str], Any] = {}  # type stores by type and definition
-
-    def content(self, recorded: Recorded) -> Any:
-        key = recorded.type, recorded.definition
-        if key not in self._stores:
-            self._stores[key] = self._store(*key)
-        return self._stores[key].deserialize_cdr(decompress(recorded.cdr), recorded.type)
-
-    def _store(self, kind: str, definition: str) -> Any:
-        """Return a new type store for a definition, because another bag may define a nested type differently."""
-        if definition:
-            try:
-                store = self._typesys.get_typestore(self._typesys.Stores.EMPTY)
-                store.register(self._typesys.get_types_from_msg(definition, kind))
-                store.get_msgdef(kind)
-                return store
-            except Exception:  # the parser raises various errors for a damaged definition
-                pass
-        return self._ours
-
-    @cached_property
-    def _ours(self) -> Any:
-        return message_types(self._typesys, (  # nested types must come first
-            'TaxelArray', 'ContactMotion', 'ContactShape', 'FaultyTaxel', 'NodeStatus', 'PadStatus', 'SkinStatus'))
-
-
-def message_types(typesys: Any, names: Iterable[str]) -> Any:
-    """Return a store with the types of ROS 2 Jazzy and the given messages of this package.
-
-    Parameters
-    ----------
-    typesys
-        The module rosbags.typesys.
-    names
-        Names of this package's messages. Nested message types must precede the types that contain them.
-    """
-    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    for name in names:
-        text = package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
-        store.register(typesys.get_types_from_msg(text, f'{PACKAGE}/msg/{name}'))
-    return store

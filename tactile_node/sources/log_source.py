@@ -219,9 +219,8 @@ class LogSource:
         Without this check, two skins with the same node-ID on two buses would be merged, and a different mapping would
         put taxels in the wrong places.
         """
-        if (buses := self._one_bus.feed(message)) is not None:
-            raise LogError(self._path, expected='CAN frames of the pads and SYNC on one bus',
-                           got=f'0x{buses.can_id:03X} on {" and on ".join(buses.channels)}',
+        if buses := self._one_bus.feed(message):
+            raise LogError(self._path, expected='CAN frames of the pads and SYNC on one bus', got=buses,
                            remedy='Name the bus to play with replay_channel, or with --channel of tactile replay.')
         if self._set_up is None or non_data_kind(message) is not None:
             return
