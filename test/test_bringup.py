@@ -78,7 +78,7 @@ def short_timeout(tmp_path):
     # Waiting for an interface that does not exist would not help, so the command must end at once.
     (['--interface', 'nosuch'], ', socketcan, '),
     (['--interface', 'virtual', '--layout', '/nowhere.yaml'], '/nowhere.yaml'),
-    (['--interface', 'virtual', '--pads', 'left,right'], 'a node-ID for each of the pads'),
+    (['--interface', 'virtual', '--pads', 'left,right'], "one for each of the pads' nodes"),
     (['--interface', 'virtual', '--pads', 'left right', '--node-id', '32,64'], 'Commas separate several pads'),
     (['--interface', 'virtual', '--pads', 'le-ft'], 'letters, digits and underscores'),
     (['--interface', 'virtual', '--namespace', 'my-robot'], "got 'my-robot'. Rename it"),
