@@ -20,7 +20,7 @@ from tactile_node.viewing.page_parts import (
     pads_html,
     status_html,
 )
-from tactile_node.viewing.source import Shown, ViewSource
+from tactile_node.viewing.source import ViewState, ViewSource
 
 if TYPE_CHECKING:
     from viser import ClientHandle, GuiApi
@@ -148,14 +148,14 @@ class Page:
         panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))
         self._scene = Pads3d(self._client)
 
-    def _update_pads(self, shown: Shown, drawn: list[DrawnPad], now: float) -> None:
+    def _update_pads(self, shown: ViewState, drawn: list[DrawnPad], now: float) -> None:
         self._is_taken.clear()
         self._number += 1
         self._pads.content = pads_html(drawn, self._number, self._source.player is not None)
         self._status.content = status_html(self._facts(shown, now), drawn, self._client.client_id, self._number)
         self._client.flush()
 
-    def _has_taken_rest(self, shown: Shown, drawn: list[DrawnPad]) -> bool:
+    def _has_taken_rest(self, shown: ViewState, drawn: list[DrawnPad]) -> bool:
         """Send the chart, tables or scene if due, and wait. Return False if the browser has disconnected."""
         begun = time.monotonic()
         is_scene_due, is_slow_due = begun >= self._scene_due and self._scene_wanted.value, begun >= self._slow_due
@@ -178,7 +178,7 @@ class Page:
             self._slow_due = begun + max(SLOW_PERIOD, pause)
         return True
 
-    def _facts(self, shown: Shown, now: float) -> PageFacts:
+    def _facts(self, shown: ViewState, now: float) -> PageFacts:
         while self._taken and now - self._taken[0][0] > MEASURED_TIME:
             self._taken.popleft()
         player = self._source.player
@@ -188,7 +188,7 @@ class Page:
             delay=sum(ages) / len(ages) if ages and player is None else math.nan,
             scene_age=now - self._scene_shown, grasp=shown.grasp)
 
-    def _update_slow(self, shown: Shown, drawn: list[DrawnPad]) -> None:
+    def _update_slow(self, shown: ViewState, drawn: list[DrawnPad]) -> None:
         forces = {name: self._source.store.forces(name) for name in shown.pads}
         ends = [pad.state.stamp + pad.age for pad in drawn if pad.state is not None and math.isfinite(pad.age)]
         if ends:

@@ -14,7 +14,7 @@ from tactile_node.taxel_frame import ON_OFF_UNIT, PRESS_BY_UNIT, TaxelStatus
 from tactile_node.viewing.charts import POINT_COLOURS
 from tactile_node.viewing.gate import TAKEN_PATH
 from tactile_node.viewing.heat_map import heat_map, words
-from tactile_node.viewing.source import Shown, ViewSource
+from tactile_node.viewing.source import ViewState, ViewSource
 from tactile_node.viewing.states import GraspFacts, PadState
 from tactile_node.viewing.templates import environment
 
@@ -103,7 +103,7 @@ class Scales:
         # by pad name and unit, because a new layout may change the unit
         self._scales: dict[tuple[str, str], FullScale] = {}
 
-    def drawn_now(self, source: ViewSource, shown: Shown) -> list[DrawnPad]:
+    def drawn_now(self, source: ViewSource, shown: ViewState) -> list[DrawnPad]:
         return [self.drawn(name, state, math.inf if state is None else source.age(state))
                 for name, state in shown.pads.items()]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_node.viewing.heat_map import words
 from tactile_node.viewing.page_parts import DrawnPad, Scales, said_of
-from tactile_node.viewing.source import Shown, ViewSource
+from tactile_node.viewing.source import ViewState, ViewSource
 from tactile_node.viewing.templates import printable_text
 
 SHADES = ' .:-=+*#%@'
@@ -129,7 +129,7 @@ def _said(pad: DrawnPad) -> str:
     return printable_text(words(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
 
 
-def _footer(source: ViewSource, shown: Shown) -> str:
+def _footer(source: ViewSource, shown: ViewState) -> str:
     player = source.player
     so_far = '' if player is None or player.is_complete else ' read so far'
     at = '' if player is None else f' {player.position:.1f} of {player.length:.1f} s{so_far}'
