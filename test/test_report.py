@@ -17,7 +17,7 @@ from tactile_node.skin.pads import make_pads
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.charts import thin
 from tactile_node.viewing.findings import Remark, findings
-from tactile_node.viewing.log_report import LogReporter
+from tactile_node.viewing.log_reporter import LogReporter
 from tactile_node.viewing.model import KEPT_ENTRIES, Ends, LongestGaps
 from tactile_node.viewing.node_record import BusRecord, NodeRecords
 from tactile_node.viewing.status_record import StatusRecord

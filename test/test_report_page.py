@@ -19,10 +19,10 @@ from tactile_node.logs.bag_records import message_count
 from tactile_node.logs.topic_bag import DIAGNOSTICS
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.viewing.bag_reporter import BagReporter
 from tactile_node.viewing.findings import Remark, findings
-from tactile_node.viewing.log_report import BagReporter
-from tactile_node.viewing.model import Kind
 from tactile_node.viewing.report_page import ABSENT_TEXT, TAUGHT_COLOUR, page_of
+from tactile_node.viewing.reported_file import Kind
 
 pytest.importorskip('jinja2')
 WRITES_COUNTS = version('rosbags') >= '0.11'

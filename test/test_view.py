@@ -524,7 +524,7 @@ def test_a_point_lies_on_the_side_of_the_curve_that_the_classifier_takes():
 
     The point of the bar must lie in the area above the first curve.
     """
-    from tactile_node.viewing.pads_3d import Planes
+    from tactile_node.viewing.planes import Planes
     mask = np.zeros((16, 16), bool)
     mask[6:9, 2:14] = True
     pictures = Planes().pictures({0: mask}).split('class="tactile-planes">')[1]

@@ -14,7 +14,8 @@ from tactile_node.cli.main import main
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.viewing.bus_source import BusSource, RecordingSource
+from tactile_node.viewing.bus_source import BusSource
+from tactile_node.viewing.recording_source import RecordingSource
 from tactile_node.viewing.recordings import BagRecording, LogRecording
 
 pytestmark = pytest.mark.bus

@@ -25,8 +25,9 @@ from tactile_node.logs.series import files_of
 from tactile_node.logs.topic_bag import CAN_TYPE as CAN_FRAMES
 from tactile_node.logs.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
 from tactile_node.output_file import check_writable, output_file
+from tactile_node.viewing.bag_reporter import BagReporter
 from tactile_node.viewing.findings import findings
-from tactile_node.viewing.log_report import BagReporter, LogReporter
+from tactile_node.viewing.log_reporter import LogReporter
 from tactile_node.viewing.report_page import page_of
 
 

@@ -92,7 +92,7 @@ def source_of(args: argparse.Namespace) -> ViewSource:
 
 
 def _recording_source(args: argparse.Namespace) -> ViewSource:
-    from tactile_node.viewing.bus_source import RecordingSource
+    from tactile_node.viewing.recording_source import RecordingSource
     is_bag = holds_taxels(args.recording)
     _refuse_ignored(args, BAG if is_bag else LOG)
     if is_bag:

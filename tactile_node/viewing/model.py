@@ -7,7 +7,6 @@ import heapq
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from enum import Enum, unique
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -15,8 +14,8 @@ import numpy as np
 from tactile_node.assembly.frame_source import PadStatistics
 from tactile_node.cia301.emergency import Emergency
 from tactile_node.cia301.objects import PRODUCER_HEARTBEAT_TIME
-from tactile_node.logs.damage import Damage
 from tactile_node.logs.logged_set_up import Contradiction
+from tactile_node.viewing.reported_file import ReportedFile
 from tactile_node.viewing.taxel_record import TaxelHealth
 from tactile_node.viewing.touch import Sample, TouchList
 
@@ -75,31 +74,6 @@ class LongestGaps:
 
     def __len__(self) -> int:
         return len(self._kept)
-
-
-@unique
-class Kind(Enum):
-    """Kind of data in the recording."""
-
-    CAN_FRAMES = 'CAN frames'
-    TOPICS = 'ROS topics'
-    BOTH = 'ROS topics and CAN frames'
-
-
-@dataclass(frozen=True)
-class ReportedFile:
-    """Facts about the recording itself."""
-
-    name: str          #: file name without the folder
-    size: int          #: size of the file, or of all files of a bag [bytes]
-    sha256: str        #: SHA-256 checksum of a single file, or '' for several files
-    kind: Kind
-    begin: float
-    end: float
-    unread: int = 0    #: number of lines, messages or broken parts that could not be read
-    problem: str = ''  #: reason why the last unread part could not be read
-    clock_jumps: int = 0
-    damages: tuple[Damage, ...] = ()  #: damaged places in a bag or a series of files
 
 
 @dataclass(frozen=True)
@@ -204,7 +178,6 @@ class BusReport:
 class Report:
     """All data shown on the report page."""
 
-    versions: tuple[tuple[str, str], ...]
     recording: ReportedFile
     pads: tuple[PadReport, ...]
     nodes: tuple[NodeReport, ...] | None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from tactile_node.threads import ReportedThread
 from tactile_node.viewing.charts import force_chart
 from tactile_node.viewing.health_table import HealthHistory, health_table
-from tactile_node.viewing.pads_3d import Pads3d, Planes
+from tactile_node.viewing.pads_3d import Pads3d
 from tactile_node.viewing.page_parts import (
     DrawnPad,
     PageFacts,
@@ -20,12 +20,13 @@ from tactile_node.viewing.page_parts import (
     pads_html,
     status_html,
 )
-from tactile_node.viewing.source import ViewState, ViewSource
+from tactile_node.viewing.planes import Planes
+from tactile_node.viewing.source import ViewSource, ViewState
 
 if TYPE_CHECKING:
     from viser import ClientHandle, GuiApi
 
-    from tactile_node.viewing.bus_source import RecordingSource
+    from tactile_node.viewing.recording_source import RecordingSource
 
 UPDATE_RATE = 17.5  #: maximum update rate [1/s]
 SLOW_PERIOD = 0.2   #: minimum update period of the chart and tables [s]

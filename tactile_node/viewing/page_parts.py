@@ -14,12 +14,12 @@ from tactile_node.taxel_frame import ON_OFF_UNIT, PRESS_BY_UNIT, TaxelStatus
 from tactile_node.viewing.charts import POINT_COLOURS
 from tactile_node.viewing.gate import TAKEN_PATH
 from tactile_node.viewing.heat_map import heat_map, words
-from tactile_node.viewing.source import ViewState, ViewSource
+from tactile_node.viewing.source import ViewSource, ViewState
 from tactile_node.viewing.states import GraspFacts, PadState
 from tactile_node.viewing.templates import environment
 
 if TYPE_CHECKING:
-    from tactile_node.viewing.bus_source import RecordingSource
+    from tactile_node.viewing.recording_source import RecordingSource
 
 OLD_AGE = 0.5          #: age at which data are first marked as old [s]
 FRAME_TIME = 0.02      #: display time of one picture in the browser [s]

@@ -1,7 +1,9 @@
 """Render the report as a single HTML page from report.html, without scripts or external content."""
 
 import math
+import platform
 from collections.abc import Iterator
+from importlib import metadata
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from tactile_node.cia301.objects import (
 )
 from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.logs.damage import damage_lines, utc
+from tactile_node.package_files import package_version
 from tactile_node.shape.recognition import Shape, ShapeClass
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.charts import Points, cells, chart, heat_cells, outline_points, pictures, thin
@@ -45,6 +48,7 @@ MARK_LEGEND = {Mark.GOOD: ('#2e8b57', 'values in every frame, and they change'),
          Mark.STUCK: ('#c1121f', 'stuck'), Mark.DEAD: ('#1d1d1d', 'dead'), Mark.UNMAPPED: ('#ececec', 'no taxel')}
 MOST_EVENTS = 5  #: maximum number of events listed for a touch
 MOST_LISTED_TAXELS = 20  #: maximum number of taxels listed
+LIBRARIES = ('python-can', 'canopen', 'numpy', 'scipy', 'rosbags', 'mcap')
 
 
 def page_of(report: Report) -> str:
@@ -55,10 +59,23 @@ def page_of(report: Report) -> str:
         mark_counts, name_of, count_text, moves_of, size_of, touch_charts, touch_picture, worst_taxels)}
     return environment().get_template('report.html').render(
         functions, report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
+        versions=versions(),
         at=lambda stamp, digits=3: f'{stamp - begin:.{digits}f}', found=findings(report),
         missing=[('missing', line) for line in damage_lines(report.recording.damages)],
         smallest_contact=SMALLEST_CONTACT, absent_text=ABSENT_TEXT, most_touches=MOST_TOUCHES,
         most_pictures=MOST_PICTURES, sample_period=f'{RECOGNITION_PERIOD:g}')
+
+
+def versions() -> tuple[tuple[str, str], ...]:
+    """Return names and versions of the software that makes the report, skipping libraries that are not installed."""
+    found = []
+    for name in LIBRARIES:
+        try:
+            found.append((name, metadata.version(name)))
+        except metadata.PackageNotFoundError:
+            continue
+    return (('tactile_skin', package_version()), ('Python', platform.python_version()), *found,
+            ('system', f'{platform.system()} {platform.machine()}'))
 
 
 def count_text(ends: Ends) -> str:

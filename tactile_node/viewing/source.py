@@ -12,7 +12,7 @@ from tactile_node.assembly.fault_text import failure_of, failure_text
 from tactile_node.viewing.states import BusFacts, GraspFacts, PadState
 
 if TYPE_CHECKING:
-    from tactile_node.viewing.bus_source import RecordingSource
+    from tactile_node.viewing.recording_source import RecordingSource
 
 FORCE_HISTORY = 20.0  #: length of the force history [s]
 MOST_FORCE_POINTS = 600  #: maximum number of points in the force history of a pad

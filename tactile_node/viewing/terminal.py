@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_node.viewing.heat_map import words
 from tactile_node.viewing.page_parts import DrawnPad, Scales, said_of
-from tactile_node.viewing.source import ViewState, ViewSource
+from tactile_node.viewing.source import ViewSource, ViewState
 from tactile_node.viewing.templates import printable_text
 
 SHADES = ' .:-=+*#%@'
