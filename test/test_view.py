@@ -22,7 +22,6 @@ from tactile_node.viewing.heat_map import heat_map, words
 from tactile_node.viewing.page_parts import (
     FRAME_TIME,
     OLD_AGE,
-    FullScale,
     PageFacts,
     Scales,
     clock_difference,
@@ -136,15 +135,6 @@ def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():
     values[3, 3] = 1.0
     frame = TaxelFrame(0.0, 0, values, np.full((16, 16), TaxelStatus.VALID, np.uint8), 0)
     assert PadRecogniser('left', 0.004, 'Pa', make_recogniser()).state(frame, 0.0).contact.shape == 'none'
-
-
-def test_the_scale_follows_the_largest_reading_and_forgets_it():
-    scale = FullScale('Pa')
-    assert scale.update(np.array([1e3, NAN]), 0.0) == 50e3  # The full scale is never less than the press threshold.
-    assert scale.update(np.array([130e3]), 1.0) == 200e3
-    assert scale.update(np.array([1e3]), 5.0) == 200e3
-    assert scale.update(np.array([1e3]), 12.0) == 50e3
-    assert FullScale('Pa', 80e3).update(np.array([130e3]), 0.0) == 80e3
 
 
 def test_colours_rise_in_brightness():

@@ -55,7 +55,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_model_option(parser)
     parser.add_argument('--namespace', default='', help='namespace of the topics')
     parser.add_argument('--terminal', action='store_true', help='draw on the terminal instead of serving a page')
-    add_number(parser, '--full-scale', limits={'above': 0, 'remedy': 'For example 100e3.'}, metavar='READING',
+    add_number(parser, '--full-scale', limits={'above': 0, 'remedy': 'For example 100e3.'}, default=0.0,
+               metavar='READING',
                help="reading that gets the brightest colour, in the pad's unit (default: the largest of the last 10 s)")
     parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='TCP port of the page; 0: any free port '
                         '(default: %(default)s)')

@@ -72,7 +72,7 @@ class Page:
     """
 
     def __init__(self, client: 'ClientHandle', source: ViewSource, is_connected: Callable[[], bool],
-                 full_scale: float | None = None):
+                 full_scale: float = 0.0):
         self._client, self._source = client, source
         self._is_connected = is_connected
         self._scales = Scales(full_scale)

@@ -3,14 +3,13 @@
 
 import math
 import time
-from collections import deque
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tactile_node.colour_map import rounded_up
-from tactile_node.taxel_frame import ON_OFF_UNIT, PRESS_BY_UNIT, TaxelStatus
+from tactile_node.colour_map import ColourScale
+from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.charts import POINT_COLOURS
 from tactile_node.viewing.gate import TAKEN_PATH
 from tactile_node.viewing.heat_map import heat_map, words
@@ -25,7 +24,6 @@ OLD_AGE = 0.5          #: age at which data are first marked as old [s]
 FRAME_TIME = 0.02      #: display time of one picture in the browser [s]
 OLD_SCENE_AGE = 1.0    #: age above which the 3-D view is marked as old [s]
 PAGE_SILENCE = 2.0  #: time without an update after which the page shows a warning [s]
-HELD_SCALE = 10.0  #: time for which a peak reading keeps setting the colour scale [s]
 CLOCK_DIFFERENCE_LIMIT = 5.0  #: difference between stamps and this computer's clock that triggers a warning [s]
 
 
@@ -64,44 +62,13 @@ def _fresh_for(age: float, since_receipt: float) -> float:
     return OLD_AGE - FRAME_TIME - age + since_receipt
 
 
-class FullScale:
-    """Computes the full scale, shown in the brightest colour, from the peak of the last HELD_SCALE seconds.
-
-    The full scale never falls below the press threshold, so that noise stays dark.
-
-    Parameters
-    ----------
-    unit
-        Unit of the readings.
-    fixed
-        Fixed full scale, or None to compute it from the readings.
-    """
-
-    def __init__(self, unit: str, fixed: float | None = None):
-        self._least = 1.0 if unit == ON_OFF_UNIT else PRESS_BY_UNIT[unit]
-        self._fixed = fixed
-        self._peaks: deque[tuple[float, float]] = deque()
-
-    def update(self, values: np.ndarray, now: float) -> float:
-        """Process the readings displayed at the time ``now`` [s], and return the full scale."""
-        if self._fixed:
-            return self._fixed
-        peak = float(np.fmax.reduce(values, axis=None, initial=self._least))  # fmax ignores NaN
-        while self._peaks and (self._peaks[-1][1] <= peak or self._peaks[-1][0] > now):
-            self._peaks.pop()  # this peak can no longer become the largest
-        self._peaks.append((now, peak))
-        while now - self._peaks[0][0] > HELD_SCALE:
-            self._peaks.popleft()
-        return rounded_up(self._peaks[0][1])
-
-
 class Scales:
-    """Colour scales of all pads. ``fixed`` sets the same full scale for every pad."""
+    """Colour scales of all pads. ``fixed`` sets the same full scale for every pad, unless it is 0."""
 
-    def __init__(self, fixed: float | None = None):
+    def __init__(self, fixed: float = 0.0):
         self._fixed = fixed
         # by pad name and unit, because a new layout may change the unit
-        self._scales: dict[tuple[str, str], FullScale] = {}
+        self._scales: dict[tuple[str, str], ColourScale] = {}
 
     def drawn_now(self, source: ViewSource, shown: ViewState) -> list[DrawnPad]:
         return [self.drawn(name, state, math.inf if state is None else source.age(state))
@@ -110,8 +77,8 @@ class Scales:
     def drawn(self, name: str, state: PadState | None, age: float) -> DrawnPad:
         if state is None:
             return DrawnPad(name, None, math.inf, 1.0)
-        scale = self._scales.setdefault((name, state.unit), FullScale(state.unit, self._fixed))
-        return DrawnPad(name, state, age, scale.update(state.values, state.stamp))
+        scale = self._scales.setdefault((name, state.unit), ColourScale(self._fixed))
+        return DrawnPad(name, state, age, scale.full_scale(state.values, state.unit, state.stamp))
 
 
 @cache
