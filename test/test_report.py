@@ -63,16 +63,16 @@ def test_touches_of_a_session_with_their_size(whole):
 
     The expected areas are the areas of the outlines.
     """
-    order = [Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE]
+    order = ['circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle']
     for pad in whole.pads:
-        assert [touch.shape for touch in pad.touches] == order and pad.touches.left_out == 0
-        sizes = [dict(touch.dimensions) for touch in pad.touches]
+        assert [touch.contact.shape for touch in pad.touches] == order and pad.touches.left_out == 0
+        sizes = [dict(touch.contact.dimensions) for touch in pad.touches]
         areas = [np.pi * sizes[0]['radius']**2, sizes[1]['side']**2, sizes[2]['long'] * sizes[2]['short'],
                  sizes[3]['long_leg'] * sizes[3]['short_leg'] / 2, sizes[4]['base'] * sizes[4]['height'] / 2]
         np.testing.assert_allclose(areas, 60 * 0.002**2, rtol=0.05)
         for before, after in zip(pad.touches, pad.touches[1:]):
             assert before.begin < before.end < after.begin
-        assert all(touch.confidence > 0.9 and touch.picture.fit is not None for touch in pad.touches)
+        assert all(touch.contact.confidence > 0.9 and touch.contact.outline is not None for touch in pad.touches)
         assert (pad.frames, pad.incomplete, pad.lost_frames, pad.losses) == (120, 0, 0, ())
 
 
@@ -215,7 +215,7 @@ def touches_of(frames, period=0.02):
 
     Each frame is a pair of values and status, or None for a time without a frame.
     """
-    finder = ReportedTouchFinder(make_recogniser(), 0.004, 'Pa')
+    finder = ReportedTouchFinder('left', 0.004, 'Pa', make_recogniser())
     for k, pair in enumerate(frames):
         if pair is not None:
             finder.feed(TaxelFrame(BEGIN + k * period, k, *pair, 0))
@@ -228,7 +228,8 @@ def test_a_touch_begins_and_ends_with_its_contact():
     first, second = found
     assert (first.frames, second.frames, first.is_open, second.is_open) == (6, 3, False, True)
     assert first.begin == pytest.approx(BEGIN + 0.2) and first.end == pytest.approx(BEGIN + 0.3)
-    assert first.force == pytest.approx(16 * 50e3 * 0.004**2, rel=1e-3) and second.taxels == 25
+    assert first.contact.force == pytest.approx(16 * 50e3 * 0.004**2, rel=1e-3)
+    assert second.contact.mask.sum() == 25 and second.picture.values.max() == np.float32(80e3)
 
 
 def test_a_frame_in_which_the_pad_is_not_seen_ends_no_touch():
@@ -261,11 +262,11 @@ def test_force_over_time_is_that_of_the_whole_contact():
     """A column without load splits a square of 8 x 8 taxels into 8 x 5 and 8 x 2 taxels of 50 kPa and 16 mm²."""
     values, status = pressed(8)
     values[:, 10] = 0
-    finder = ReportedTouchFinder(Joining(), 0.004, 'Pa')
+    finder = ReportedTouchFinder('left', 0.004, 'Pa', Joining())
     finder.feed(TaxelFrame(BEGIN, 0, values, status, 0))
     finder.end()
     assert finder.samples[0].force == pytest.approx(56 * 50e3 * 16e-6)
-    assert finder.found[0].force == pytest.approx(56 * 50e3 * 16e-6)
+    assert finder.found[0].contact.force == pytest.approx(56 * 50e3 * 16e-6)
 
 
 @pytest.mark.slow

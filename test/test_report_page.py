@@ -120,8 +120,8 @@ def test_a_bag_of_taxel_arrays(tmp_path):
     pad, = report.pads
     assert (pad.name, pad.frames, pad.incomplete, pad.lost_frames) == ('left', 30, 15, 1)
     touch, = pad.touches
-    assert touch.shape is Shape.SQUARE and touch.is_open and touch.begin == pytest.approx(BEGIN + 0.2)
-    assert touch.force == pytest.approx(25 * 60e3 * 0.004**2, rel=1e-3)
+    assert touch.contact.shape == 'square' and touch.is_open and touch.begin == pytest.approx(BEGIN + 0.2)
+    assert touch.contact.force == pytest.approx(25 * 60e3 * 0.004**2, rel=1e-3)
     assert pad.health.by_status[TaxelStatus.STALE, 0, 1] == 15 and pad.health.by_status[TaxelStatus.DEAD, 0, 0] == 30
     assert report.recording.kind is Kind.TOPICS and report.recording.end == pytest.approx(BEGIN + 0.58)
     assert report.nodes is None and report.bus.can_frames is None and report.bus.load is None

@@ -17,8 +17,10 @@ from tactile_node.colour_map import PALETTE, levels
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.charts import force_chart
+from tactile_node.viewing.contact_text import contact_text
 from tactile_node.viewing.health_table import HealthHistory, health_table
-from tactile_node.viewing.heat_map import heat_map, words
+from tactile_node.viewing.heat_map import heat_map
+from tactile_node.viewing.pad_recogniser import PadRecogniser
 from tactile_node.viewing.page_parts import (
     FRAME_TIME,
     OLD_AGE,
@@ -34,7 +36,6 @@ from tactile_node.viewing.recordings import Timeline
 from tactile_node.viewing.source import MOST_FORCE_POINTS, Store
 from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadFacts, facts_of
 from tactile_node.viewing.terminal import show_in_terminal
-from tactile_node.viewing.touch_finder import PadRecogniser
 
 pytest.importorskip('jinja2')
 LIVE = PageFacts('by hand', None, '', 20.0, 0.05, scene_age=0.1)
@@ -126,7 +127,7 @@ def test_a_force_of_saturated_taxels_is_a_lower_bound():
     values[4:11, 4:11], status[4:11, 4:11] = 50e3, TaxelStatus.SATURATED
     pad = PadRecogniser('left', 0.004, 'Pa', make_recogniser())
     seen = [pad.state(TaxelFrame(k / 50, k, values, status, 0), 0.0) for k in range(3)][-1].contact
-    assert seen.force_is_bound and seen.size_is_bound and f'≥ {49 * 50e3 * 0.004 ** 2:.2f} N' in words(seen)
+    assert seen.force_is_bound and seen.size_is_bound and f'≥ {49 * 50e3 * 0.004 ** 2:.2f} N' in contact_text(seen)
 
 
 def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():

@@ -13,10 +13,10 @@ from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.viewing.pad_recogniser import PadRecogniser
 from tactile_node.viewing.recordings import FACTS_PERIOD
 from tactile_node.viewing.source import Store, ViewSource
 from tactile_node.viewing.states import facts_of
-from tactile_node.viewing.touch_finder import PadRecogniser
 
 RECOGNITION_RATE = 16.0  #: rate at which shapes are recognised [1/s]; a viewer would not notice a higher rate
 REOPEN_PERIOD = 2.0  #: delay before the bus is reopened after an error [s]

@@ -10,7 +10,7 @@ from PIL import Image
 from tactile_node.colour_map import PALETTE, STEPS, levels
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 from tactile_node.viewing.charts import outline_points, pictures, ticks
-from tactile_node.viewing.states import PadState, SeenContact
+from tactile_node.viewing.states import PadState
 
 #: length of the longer side of the taxel area [SVG units]
 LONGER_SIDE = 16.0
@@ -53,27 +53,3 @@ def _png(state: PadState, full_scale: float) -> Markup:
     data = io.BytesIO()
     picture.save(data, 'PNG', compress_level=1, **({'transparency': STEPS - 1} if np.isnan(values).any() else {}))
     return Markup('data:image/png;base64,' + base64.b64encode(data.getvalue()).decode())  # nosec B704: letters
-
-
-def words(contact: SeenContact | None) -> str:
-    """Describe a contact in one line: shape, confidence, size, force and motion.
-
-
-    >>> words(SeenContact('square', '', {'square': 0.97}, None, (('side', 0.028),), False, 1.5, None))
-    'square 97 %, side 28.0 mm, 1.50 N'
-    """
-    if contact is None:
-        return 'not recognised: no shape comes with these taxels'
-    moves = f', {contact.moves}' if contact.moves else ''
-    if contact.shape == 'unknown':
-        return f'unknown ({contact.reason.replace("_", " ")}){_force(contact)}{moves}'
-    if contact.shape == 'none':
-        return f'nothing touches{moves}'
-    bound = '≥ ' if contact.size_is_bound else ''
-    lengths = ''.join(f', {name.replace("_", " ")} {bound}{1e3 * length:.1f} mm' for name, length in contact.dimensions)
-    return f'{contact.shape.replace("_", " ")} {contact.confidence:.0%}'.replace('%', ' %') + lengths \
-        + _force(contact) + moves
-
-
-def _force(contact: SeenContact) -> str:
-    return '' if np.isnan(contact.force) else f', {"≥ " if contact.force_is_bound else ""}{contact.force:.2f} N'

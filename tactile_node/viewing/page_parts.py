@@ -11,8 +11,9 @@ import numpy as np
 from tactile_node.colour_map import ColourScale
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.charts import POINT_COLOURS
+from tactile_node.viewing.contact_text import contact_text
 from tactile_node.viewing.gate import TAKEN_PATH
-from tactile_node.viewing.heat_map import heat_map, words
+from tactile_node.viewing.heat_map import heat_map
 from tactile_node.viewing.source import ViewSource, ViewState
 from tactile_node.viewing.states import GraspFacts, PadState
 from tactile_node.viewing.templates import environment
@@ -86,7 +87,7 @@ def macros() -> Any:
     """Return the macros of page.html."""
     return environment().get_template('page.html', globals={
         'page_silence': PAGE_SILENCE, 'old': OLD_AGE, 'old_scene': OLD_SCENE_AGE, 'taken': TAKEN_PATH,
-        'point_colours': POINT_COLOURS, 'said_of': said_of, 'hidden_text': hidden_text, 'words': words,
+        'point_colours': POINT_COLOURS, 'said_of': said_of, 'hidden_text': hidden_text, 'contact_text': contact_text,
         'heat_map': heat_map, 'fresh_for': fresh_for, 'silence': silence}).module
 
 

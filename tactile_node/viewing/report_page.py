@@ -1,6 +1,5 @@
 """Render the report as a single HTML page from report.html, without scripts or external content."""
 
-import math
 import platform
 from collections.abc import Iterator
 from importlib import metadata
@@ -23,6 +22,7 @@ from tactile_node.package_files import package_version
 from tactile_node.shape.recognition import Shape, ShapeClass
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.charts import Points, cells, chart, heat_cells, outline_points, pictures, thin
+from tactile_node.viewing.contact_text import force_text, shape_text, size_text
 from tactile_node.viewing.findings import findings
 from tactile_node.viewing.model import Ends, LoadCurve, NmtChange, NodeReport, PadReport, Report
 from tactile_node.viewing.node_record import OBJECTS
@@ -55,8 +55,8 @@ def page_of(report: Report) -> str:
     """Return the page. All text from the recording is escaped."""
     begin = report.recording.begin
     functions = {function.__name__: function for function in (
-        utc, command_text, node_label, event_text, force_of, health_pictures, identity_of, load_chart, load_text,
-        mark_counts, name_of, count_text, moves_of, size_of, touch_charts, touch_picture, worst_taxels)}
+        utc, command_text, node_label, event_text, force_text, health_pictures, identity_of, load_chart, load_text,
+        mark_counts, shape_text, count_text, moves_of, size_text, touch_charts, touch_picture, worst_taxels)}
     return environment().get_template('report.html').render(
         functions, report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
         versions=versions(),
@@ -85,25 +85,6 @@ def count_text(ends: Ends) -> str:
         f'{ends.count}, of which the first and last {listed} are listed')
 
 
-def name_of(touch: ReportedTouch) -> str:
-    """Return the name of the shape, with the reason if the shape is unknown."""
-    name = touch.shape.value.replace('_', ' ')
-    return f'{name}: {touch.reason.name.lower().replace("_", " ")}' if touch.shape is Shape.UNKNOWN else name
-
-
-def size_of(touch: ReportedTouch) -> str:
-    if not touch.dimensions:
-        return 'no outline'
-    bound = ' (a lower bound: at the edge, partly hidden or saturated)' if touch.size_is_bound else ''
-    lengths = ', '.join(f'{name.replace("_", " ")} {1e3 * length:.1f}' for name, length in touch.dimensions)
-    return f'{lengths} mm{bound}'
-
-
-def force_of(touch: ReportedTouch) -> str:
-    """Return the force as text. The force is not known for on/off taxels."""
-    return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
-
-
 def moves_of(touch: ReportedTouch, begin: float) -> str:
     """Return the first MOST_EVENTS events of the touch as text."""
     said = [f'{event.kind.name.lower()} at {event.stamp - begin:.2f} s' for event in touch.events[:MOST_EVENTS]]
@@ -119,14 +100,16 @@ def reading_text(value: float, unit: str) -> str:
     return f'{value / 1e3:.1f} kPa' if unit == 'Pa' else f'{value:.2f} N' if unit == 'N' else f'{value:g} (on/off)'
 
 
-def touch_picture(touch: ReportedTouch, pad: PadReport, number: int) -> Markup:
+def touch_picture(touch: ReportedTouch, number: int) -> Markup:
     """Draw the frame in which ``touch`` pressed hardest as SVG, with the outline and a colour bar."""
-    picture = touch.picture
-    assert picture is not None
-    top = float(np.nanmax(picture.values, initial=0.0))
-    points = '' if picture.fit is None else outline_points(picture.fit.outline, pad.pitch, pad.rows)
-    return _pad_picture(pad.rows, pad.cols, heat_cells(picture.values, top), f'touch {number}', points,
-                        reading_text(top, pad.unit))
+    state = touch.picture
+    assert state is not None
+    rows, cols = state.values.shape
+    top = float(np.nanmax(state.values, initial=0.0))
+    outline = touch.contact.outline
+    points = '' if outline is None else outline_points(outline, state.pitch, rows)
+    return _pad_picture(rows, cols, heat_cells(state.values, top), f'touch {number}', points,
+                        reading_text(top, state.unit))
 
 
 def _pad_picture(rows: int, cols: int, paths: list[tuple[str, str]], label: str, points: str, top: str) -> Markup:

@@ -9,7 +9,7 @@ from typing import NamedTuple, TextIO
 import numpy as np
 
 from tactile_node.colour_map import PALETTE
-from tactile_node.viewing.heat_map import words
+from tactile_node.viewing.contact_text import contact_text
 from tactile_node.viewing.page_parts import DrawnPad, Scales, said_of
 from tactile_node.viewing.source import ViewSource, ViewState
 from tactile_node.viewing.templates import printable_text
@@ -129,7 +129,7 @@ def _view(pad: DrawnPad) -> PadView:
 
 
 def _said(pad: DrawnPad) -> str:
-    return printable_text(words(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
+    return printable_text(contact_text(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
 
 
 def _footer(source: ViewSource, shown: ViewState) -> str:
