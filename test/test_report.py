@@ -15,7 +15,7 @@ from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.skin.pads import make_pads
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.viewing.charts import thin
+from tactile_node.viewing.chart import thin
 from tactile_node.viewing.findings import Remark, findings
 from tactile_node.viewing.log_reporter import LogReporter
 from tactile_node.viewing.model import KEPT_ENTRIES, Ends, LongestGaps
@@ -354,5 +354,5 @@ def test_memory_is_bounded():
     for k in range(200):
         gaps.feed(k * k)
     assert gaps.count == 199 and [gap.seconds for gap in gaps] == [2 * k + 1 for k in range(149, 199)]
-    kept = thin(np.r_[np.zeros(5000), 9, np.zeros(5000)], keep_highest=True)
+    kept = thin(np.r_[np.zeros(5000), 9, np.zeros(5000)])
     assert len(kept) <= 900 and 5000 in kept

@@ -3,6 +3,7 @@
 The page names the facts that the recording does not contain. Pages made from bags are tested, too.
 """
 
+import re
 import sys
 from html.parser import HTMLParser
 from importlib.metadata import version
@@ -26,6 +27,8 @@ from tactile_node.viewing.reported_file import Kind
 
 pytest.importorskip('jinja2')
 WRITES_COUNTS = version('rosbags') >= '0.11'
+#: The page permits its own styles and pictures, and nothing else.
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 VOID = {'meta', 'br', 'path', 'rect', 'polygon', 'polyline'}
 NAN = float('nan')
 
@@ -62,9 +65,12 @@ def check_alone(text):
     assert not page.open
     assert not {'script', 'link', 'iframe', 'object', 'embed', 'base', 'form', 'img'} & set(page.tags)
     names = {name for name, _ in page.attributes}
-    assert not names & {'src', 'href', 'xlink:href', 'srcset', 'action', 'data'} and not any(
+    assert not names & {'src', 'xlink:href', 'srcset', 'action', 'data'} and not any(
         name.startswith('on') for name in names)
-    assert not any('//' in (value or '') for _, value in page.attributes)
+    pictures = [value for name, value in page.attributes if name == 'href']
+    assert all(re.fullmatch('data:image/png;base64,[A-Za-z0-9+/]+=*', value) for value in pictures)
+    others = {value or '' for name, value in page.attributes if name != 'href'} - {POLICY}
+    assert not any('//' in value or 'data:' in value for value in others)
     assert '@import' not in text and 'url(' not in text
     return page
 
@@ -168,7 +174,7 @@ def test_shapes_that_were_taught_are_named_and_drawn(tmp_path):
     path = tmp_path / 'session.log'
     path.write_text('\n'.join(session()) + '\n')
     page = page_of(report_of(path, node_ids=(32,), recogniser=Plug()))
-    assert '<b>1. my plug</b>' in page and f'<path stroke="{TAUGHT_COLOUR}"' in page and '</i>my plug<' in page
+    assert '<b>1. my plug</b>' in page and f'stroke="{TAUGHT_COLOUR}"' in page and '</i>my plug<' in page
 
 
 def test_a_model_that_is_missing_is_an_error(tmp_path, capsys):

@@ -1,5 +1,6 @@
 """The viewer must not present old, hidden or unknown data to its user as a measurement."""
 
+import base64
 import io
 import re
 import time
@@ -16,11 +17,11 @@ from tactile_node.assembly.health import BusFault, BusHealth, Failure, NodeFault
 from tactile_node.colour_map import PALETTE, levels
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.viewing.charts import force_chart
 from tactile_node.viewing.contact_text import contact_text
 from tactile_node.viewing.health_table import HealthHistory, health_table
-from tactile_node.viewing.heat_map import heat_map
+from tactile_node.viewing.pad_picture import pad_picture
 from tactile_node.viewing.pad_recogniser import PadRecogniser
+from tactile_node.viewing.page import force_chart
 from tactile_node.viewing.page_parts import (
     FRAME_TIME,
     OLD_AGE,
@@ -42,7 +43,15 @@ LIVE = PageFacts('by hand', None, '', 20.0, 0.05, scene_age=0.1)
 
 
 def parts(svg, tag):
-    return [element for element in fromstring(svg).iter() if element.tag.endswith(f'}}{tag}')]
+    return [element for element in fromstring(svg).iter() if element.tag == tag]
+
+
+def pixels(svg):
+    """Return the colours of the taxels in a picture, row 0 first, as the library Pillow reads them."""
+    image = pytest.importorskip('PIL.Image')
+    address = parts(svg, 'image')[0].get('href')
+    content = base64.b64decode(address.removeprefix('data:image/png;base64,'))
+    return np.asarray(image.open(io.BytesIO(content)).convert('RGBA'))[::-1]
 
 
 def drawn(age, **changed):
@@ -85,11 +94,20 @@ def test_going_back_in_a_recording_begins_the_force_again():
 def test_a_taxel_without_a_value_is_marked_and_not_the_colour_of_no_load():
     values = np.full((4, 4), 50e3)
     values[:, :2] = NAN  # Half of the pad is hidden.
-    svg = heat_map(state(values=values), 100e3)
-    squares = next(path for path in parts(svg, 'path') if path.get('class') == 'no-value')
-    assert squares.get('d').count('M') == 8
-    assert squares.get('fill') not in [f'#{r:02x}{g:02x}{b:02x}' for r, g, b in PALETTE.tolist()]
+    svg = pad_picture(state(values=values), 100e3)
+    crosses = next(path for path in parts(svg, 'path') if path.get('class') == 'no-value')
+    assert crosses.get('d').count('M') == 8
+    colours = pixels(svg)[:, :2].reshape(-1, 4)
+    assert len(colours) == 8 and not {tuple(colour[:3]) for colour in colours} & {tuple(colour) for colour in PALETTE}
     assert '8 of 16 taxels without a value' in pads_html([drawn(0.1, values=values)], 1)
+
+
+def test_a_picture_has_row_0_at_the_bottom_and_nothing_where_there_is_no_taxel():
+    values, status = np.zeros((2, 3)), np.full((2, 3), TaxelStatus.VALID, np.uint8)
+    values[0, 2], values[1, 0], status[1, 0] = 100e3, NAN, TaxelStatus.UNMAPPED
+    found = pixels(pad_picture(state(values=values, status=status), 100e3))
+    assert found.shape == (2, 3, 4) and found[0, 2].tolist() == [*PALETTE[-1], 255]
+    assert found[0, 0].tolist() == [*PALETTE[0], 255] and found[1, 0, 3] == 0
 
 
 def test_the_outline_lies_on_the_taxels_that_it_encloses():
@@ -97,7 +115,7 @@ def test_the_outline_lies_on_the_taxels_that_it_encloses():
 
     The unit of the expected points is one taxel, and row 0 is at the bottom.
     """
-    outline, = parts(heat_map(state(), 100e3), 'polygon')
+    outline, = parts(pad_picture(state(), 100e3), 'polygon')
     assert outline.get('points') == '1.500,2.500 3.500,2.500 3.500,0.500 1.500,0.500'
 
 
@@ -146,9 +164,9 @@ def test_colours_rise_in_brightness():
 
 def test_a_gap_in_the_force_is_not_bridged():
     stamps = np.array([0.0, 0.1, 5.0, 5.1, 5.2])
-    chart = force_chart({'left': np.array([stamps, [1, 1, 2, NAN, 2]])}, 6.0)
+    chart = force_chart([np.array([stamps, [1, 1, 2, NAN, 2]])], 6.0)
     assert type(chart) is str  # A page stops working if the server sends it any other type.
-    line = chart.split('class="line"')[1].split(' d="')[1].split('"')[0]
+    line = chart.split('class="series"')[1].split(' d="')[1].split('"')[0]
     # The chart omits the NaN, and a pause of 0.2 s is too short to be a gap.
     assert line.count('M') == 2 and line.count('L') == 2
 

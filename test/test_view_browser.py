@@ -98,7 +98,7 @@ def opened(browser, server, requests=None, port=None, width=1680):
     if requests is not None:
         page.on('request', lambda request: requests.append(request.url))
     page.goto(f'http://127.0.0.1:{port or server.port}/')
-    page.wait_for_selector('.tactile-map[data-pad=left]')
+    page.wait_for_selector('.tactile-map[aria-label=left]')
     return page
 
 
@@ -111,10 +111,10 @@ def test_the_page_loads_follows_and_asks_only_this_machine(browser, server):
     page = opened(browser, server, requests)
     before = number(page, 'update')
     until(lambda: number(page, 'update') > before + 20, 120)
-    assert page.locator('.tactile-map[data-pad=left] polygon.outline').count() == 1
+    assert page.locator('.tactile-map[aria-label=left] polygon.outline').count() == 1
     # The shape of this pad is unknown.
-    assert page.locator('.tactile-map[data-pad=right] polygon.outline').count() == 0
-    assert page.locator('.tactile-map[data-pad=right] path.no-value').get_attribute('d').count('M') == 128
+    assert page.locator('.tactile-map[aria-label=right] polygon.outline').count() == 0
+    assert page.locator('.tactile-map[aria-label=right] path.no-value').get_attribute('d').count('M') == 128
     text = page.locator('.tactile-pads').inner_text()
     for said in ('square 97 %', 'side 24.0 mm', 'unknown (not seen)', '128 of 256 taxels without a value'):
         assert said in text

@@ -4,12 +4,14 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tactile_node.threads import ReportedThread
-from tactile_node.viewing.charts import force_chart
+from tactile_node.viewing.chart import POINT_COLOURS, Series, chart
 from tactile_node.viewing.health_table import HealthHistory, health_table
 from tactile_node.viewing.pads_3d import Pads3d
 from tactile_node.viewing.page_parts import (
@@ -21,7 +23,7 @@ from tactile_node.viewing.page_parts import (
     status_html,
 )
 from tactile_node.viewing.planes import Planes
-from tactile_node.viewing.source import ViewSource, ViewState
+from tactile_node.viewing.source import FORCE_HISTORY, ViewSource, ViewState
 
 if TYPE_CHECKING:
     from viser import ClientHandle, GuiApi
@@ -38,6 +40,24 @@ MEASURED_TIME = 3.0  #: averaging time of the displayed rate and delay [s]
 PADS_WIDTH = 720.0   #: width of the panel with the pads [pixels]
 HEALTH_WIDTH = 380.0  #: width of the panel with the health table [pixels]
 SLIDER_STEP = 0.05  #: [s]
+
+
+FORCE_GAP = 0.3     #: time between two forces above which the line is interrupted [s]
+
+
+def force_chart(forces: Sequence[np.ndarray], now: float) -> str:
+    """Return a chart of the force over the last FORCE_HISTORY seconds.
+
+    Parameters
+    ----------
+    forces
+        Stamps [s] and forces [N] of each pad, shape (2, n). The line has gaps where no force was measured.
+    now
+        Stamp at the right edge of the chart [s].
+    """
+    drawn = chart([Series(POINT_COLOURS[k % len(POINT_COLOURS)], stamps - now, values, FORCE_GAP)
+                   for k, (stamps, values) in enumerate(forces)], -FORCE_HISTORY, 0.0, 'N')
+    return str(drawn)  # viser sends only plain str
 
 
 class PlayerControls:
@@ -190,10 +210,9 @@ class Page:
             scene_age=now - self._scene_shown, grasp=shown.grasp)
 
     def _update_slow(self, shown: ViewState, drawn: list[DrawnPad]) -> None:
-        forces = {name: self._source.store.forces(name) for name in shown.pads}
         ends = [pad.state.stamp + pad.age for pad in drawn if pad.state is not None and math.isfinite(pad.age)]
         if ends:
-            self._force.content = force_chart(forces, max(ends))
+            self._force.content = force_chart([self._source.store.forces(name) for name in shown.pads], max(ends))
         age, before = time.monotonic() - shown.bus_acquired, None
         if shown.bus is not None and self._source.player is None:
             before = self._history.before(shown.bus, shown.bus_acquired)

@@ -10,10 +10,10 @@ import numpy as np
 
 from tactile_node.colour_map import ColourScale
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.charts import POINT_COLOURS
+from tactile_node.viewing.chart import POINT_COLOURS
 from tactile_node.viewing.contact_text import contact_text
 from tactile_node.viewing.gate import TAKEN_PATH
-from tactile_node.viewing.heat_map import heat_map
+from tactile_node.viewing.pad_picture import pad_picture
 from tactile_node.viewing.source import ViewSource, ViewState
 from tactile_node.viewing.states import GraspFacts, PadState
 from tactile_node.viewing.templates import environment
@@ -88,7 +88,7 @@ def macros() -> Any:
     return environment().get_template('page.html', globals={
         'page_silence': PAGE_SILENCE, 'old': OLD_AGE, 'old_scene': OLD_SCENE_AGE, 'taken': TAKEN_PATH,
         'point_colours': POINT_COLOURS, 'said_of': said_of, 'hidden_text': hidden_text, 'contact_text': contact_text,
-        'heat_map': heat_map, 'fresh_for': fresh_for, 'silence': silence}).module
+        'pad_picture': pad_picture, 'fresh_for': fresh_for, 'silence': silence}).module
 
 
 def pads_html(pads: list[DrawnPad], number: int, is_recording: bool = False) -> str:

@@ -2,7 +2,7 @@
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -16,6 +16,12 @@ def environment() -> 'Environment':
 
     return Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
                        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+
+
+@cache
+def pictures() -> Any:
+    """Return the macros of pictures.html, which all pages share."""
+    return environment().get_template('pictures.html').module
 
 
 def printable(value: object) -> object:
