@@ -20,6 +20,7 @@ from tactile_node.viewing.findings import Remark, findings
 from tactile_node.viewing.log_reporter import LogReporter
 from tactile_node.viewing.model import KEPT_ENTRIES, Ends, LongestGaps
 from tactile_node.viewing.node_record import BusRecord, NodeRecords
+from tactile_node.viewing.report_page import page_of
 from tactile_node.viewing.status_record import StatusRecord
 from tactile_node.viewing.taxel_record import Mark, TaxelHealth, marks_of, no_value_share
 from tactile_node.viewing.touch import MOST_PICTURES
@@ -73,7 +74,7 @@ def test_touches_of_a_session_with_their_size(whole):
         for before, after in zip(pad.touches, pad.touches[1:]):
             assert before.begin < before.end < after.begin
         assert all(touch.contact.confidence > 0.9 and touch.contact.outline is not None for touch in pad.touches)
-        assert (pad.frames, pad.incomplete, pad.lost_frames, pad.losses) == (120, 0, 0, ())
+        assert (pad.frames, pad.incomplete, pad.lost_frames, pad.counts.losses) == (120, 0, 0, {})
 
 
 def test_devices_and_bus_of_a_session(whole):
@@ -114,8 +115,10 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
         out += changed[k]
     report = report_of(logged(tmp_path / 'x.log', out))
     left, right = report.pads
-    assert dict(left.losses) == {'duplicate': 1, 'short': 1} and right.losses == ()
+    assert left.counts.losses == {'duplicate': 1, 'short': 1} and right.counts.losses == {}
     assert (left.frames, left.incomplete, right.incomplete) == (28, 2, 0)
+    assert left.counts.received == left.counts.used + 2  # Each received TPDO was used or lost.
+    assert '<tr class=bad><td>lost: duplicate</td><td>1</td></tr>' in page_of(report)
     node5, node32, node64 = report.nodes
     assert node32.objects[0x1008, 0] == (b'<script>alert(1)',)
     assert [(each.code, each.register) for each in node32.emergencies] == [(0x4210, 0x09)]
@@ -165,10 +168,10 @@ def test_taxels_of_another_node_are_not_given(tmp_path):
     """With node-ID 33, most TPDOs of node 32 would match the layout."""
     log = logged(tmp_path / 'x.log', session())
     pad, = report_of(log, node_ids=(33,)).pads
-    assert pad.strangers == (32,) and pad.statistics.used > 0 and not pad.touches and pad.health is None
+    assert pad.strangers == (32,) and pad.counts.used > 0 and not pad.touches and pad.health is None
     report = report_of(log, node_ids=(9,))
     pad, = report.pads
-    assert pad.statistics.used == 0 and not pad.touches and pad.strangers == ()
+    assert pad.counts.used == 0 and not pad.touches and pad.strangers == ()
     assert (Remark.NO_TAXELS, 'pad9') in found_in(report)
     silent = next(node for node in report.nodes if node.node_id == 9)
     assert silent.heartbeats == 0 and not silent.nmt and silent.longest_pause is None
@@ -304,7 +307,8 @@ class Status:
 def status(load=0.3, level=1, message='', late=0, emcy=0, nmt=5):
     node = Status(node_id=32, nmt_state=nmt, fault_text='', emcy_count=emcy, emcy_last='EMCY 0x4210', emcy_active='')
     pad = Status(pad='left', level=1, message='', loss_reasons=['late', 'short'], loss_counts=np.array([late, 7]),
-                 nodes=[node])
+                 nodes=[node], frames_complete=9, frames_incomplete=0, tpdos_expected=99, tpdos_received=99,
+                 tpdos_used=80)
     return Status(bus_load=load, level=level, message=message, failure='', pads=[pad])
 
 
@@ -313,8 +317,8 @@ def test_counts_of_the_driver_are_those_within_the_recording():
     for k, each in enumerate((status(late=5, emcy=2), status(late=8, emcy=3), status(late=1, emcy=0))):
         record.feed_status(BEGIN + k, each)
     # The count of late TPDOs rises by 3. The driver then restarts, and its new count of 1 is added.
-    assert dict(record.losses('robot/left')) == {'late': 4, 'short': 7}
-    assert record.losses('right') is None
+    assert record.counts('robot/left').losses == {'late': 4, 'short': 7}
+    assert record.counts('right') is None
     node, = record.nodes()
     assert node.emergencies.count == 1 and [each.text for each in node.emergencies] == ['EMCY 0x4210']
     assert node.objects == {} and node.heartbeats is None

@@ -22,8 +22,9 @@ from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.bag_reporter import BagReporter
 from tactile_node.viewing.findings import Remark, findings
-from tactile_node.viewing.report_page import ABSENT_TEXT, TAUGHT_COLOUR, page_of
+from tactile_node.viewing.report_page import TAUGHT_COLOUR, page_of
 from tactile_node.viewing.reported_file import Kind
+from tactile_node.viewing.templates import ABSENT_TEXT
 
 pytest.importorskip('jinja2')
 WRITES_COUNTS = version('rosbags') >= '0.11'
@@ -131,7 +132,7 @@ def test_a_bag_of_taxel_arrays(tmp_path):
     assert pad.health.by_status[TaxelStatus.STALE, 0, 1] == 15 and pad.health.by_status[TaxelStatus.DEAD, 0, 0] == 30
     assert report.recording.kind is Kind.TOPICS and report.recording.end == pytest.approx(BEGIN + 0.58)
     assert report.nodes is None and report.bus.can_frames is None and report.bus.load is None
-    assert pad.losses is None and pad.layout is None and pad.statistics is None
+    assert pad.counts is None and pad.layout is None
     found = {each.finding: each.number for each in findings(report)}
     assert found == {Remark.LOST_FRAMES: 1, Remark.INCOMPLETE: 15, Remark.FAULTY_TAXELS: 1}
     texts = check_alone(page_of(report)).texts

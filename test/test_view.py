@@ -18,7 +18,7 @@ from tactile_node.colour_map import PALETTE, levels
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.contact_text import contact_text
-from tactile_node.viewing.health_table import HealthHistory, health_table
+from tactile_node.viewing.counts_table import HealthHistory, counts_table
 from tactile_node.viewing.pad_picture import pad_picture
 from tactile_node.viewing.pad_recogniser import PadRecogniser
 from tactile_node.viewing.page import force_chart
@@ -35,7 +35,7 @@ from tactile_node.viewing.page_parts import (
 )
 from tactile_node.viewing.recordings import Timeline
 from tactile_node.viewing.source import MOST_FORCE_POINTS, Store
-from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadFacts, facts_of
+from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadCounts, PadFacts, facts_of
 from tactile_node.viewing.terminal import show_in_terminal
 
 pytest.importorskip('jinja2')
@@ -137,7 +137,7 @@ def test_names_from_topics_are_text_and_not_html():
 
 def test_a_failure_of_the_bus_is_text_and_not_html():
     """The text of a bus failure may contain words from a log or an adapter."""
-    assert '<img' not in health_table(BusFacts('<img src=x onerror=alert(1)>', 0.1, {}, ()))
+    assert '<img' not in counts_table(BusFacts('<img src=x onerror=alert(1)>', 0.1, {}, ()))
 
 
 def test_a_force_of_saturated_taxels_is_a_lower_bound():
@@ -243,7 +243,7 @@ def test_nothing_but_pads_and_status_line_says_whether_a_pad_is_live():
     """
     source, browser = HandSource(['left']), Sent()
     source.store.put(state())
-    source.store.put_bus(BusFacts('', 0.3, {}, (PadFacts('left', 9, 0, 9, 9, {}),)))
+    source.store.put_bus(BusFacts('', 0.3, {}, (PadFacts('left', PadCounts(9, 0, 9, 9, 9)),)))
     page = page_of(source, browser)
     page._scene_due = float('inf')  # With the scene postponed, the next update is that of the chart and the tables.
     page.start()
@@ -265,14 +265,14 @@ def test_a_status_line_that_has_become_old_in_the_browser_is_not_empty():
 
 def test_bus_and_nodes_do_not_contradict_a_dead_pad():
     silent = NodeFacts(32, 'OPERATIONAL', 14.0, 'it sends neither heartbeat nor taxels', '')
-    facts = BusFacts('', 0.0, {}, (PadFacts('left', 1, 0, 2, 2, {}, (silent,)),))
-    rows = rows_of(health_table(facts))
+    facts = BusFacts('', 0.0, {}, (PadFacts('left', PadCounts(1, 0, 2, 2, 2), (silent,)),))
+    rows = rows_of(counts_table(facts))
     assert rows['<b>left</b>'] == ''
     assert rows['bus'] == 'nodes with a fault: 1'
     assert rows['node 32'].startswith('it sends neither heartbeat nor taxels')
     well = facts._replace(pads=(facts.pads[0]._replace(nodes=(silent._replace(fault=''),)),))
-    assert 'class=bad' not in health_table(well)
-    died = health_table(well, 12.0)  # The driver has died, so the states of its bus and nodes are unknown.
+    assert 'class=bad' not in counts_table(well)
+    died = counts_table(well, 12.0)  # The driver has died, so the states of its bus and nodes are unknown.
     assert 'no failure' not in died and 'OPERATIONAL' not in died
 
 
@@ -342,7 +342,7 @@ def test_stamps_of_another_time_are_said_to_be_a_replay():
 def test_a_status_that_is_no_longer_sent_is_called_old():
     """The driver died after its last message, which reported no failure."""
     well = BusFacts('', 0.1, {}, ())
-    assert 'OLD: nothing newer for 12 s' in health_table(well, 12.0) and 'OLD' not in health_table(well, 1.1)
+    assert 'OLD: nothing newer for 12 s' in counts_table(well, 12.0) and 'OLD' not in counts_table(well, 1.1)
     store = Store(['left'])
     store.put_bus(well, 12.0)
     assert time.monotonic() - store.shown().bus_acquired == pytest.approx(12, abs=1)
@@ -362,19 +362,20 @@ def test_the_age_of_a_status_in_a_recording_is_that_at_its_time():
 
 def counted(lost, expected, overruns=0):
     return BusFacts('', 0.1, {'queue_overruns': overruns} if overruns else {}, (
-        PadFacts('left', expected - lost, lost, expected, expected - lost, {'late': lost} if lost else {}),))
+        PadFacts('left', PadCounts(expected - lost, lost, expected, expected, expected - lost,
+                                   {'late': lost} if lost else {})),))
 
 
 def test_a_loss_is_red_for_a_minute():
     history, lost, later = HealthHistory(), counted(7, 200, 3), counted(7, 5000, 3)
     history.before(counted(0, 100), 1000.0)
-    table = health_table(lost, before=history.before(lost, 1001.0))
+    table = counts_table(lost, before=history.before(lost, 1001.0))
     assert 'class=bad' in table and rows_of(table)['lost: late'] == '7 (7 in 1 s)'
     assert rows_of(table)['queue overruns'] == '3 (3 in 1 s)'
     history.before(lost, 1001.5)  # A page asks for the history more often than status messages arrive.
-    table = health_table(later, before=history.before(later, 1061.6))
+    table = counts_table(later, before=history.before(later, 1061.6))
     assert 'class=bad' not in table and rows_of(table)['lost: late'] == '7 (0 in 60 s)'
-    assert 'class=bad' in health_table(later)  # For a recording, the table shows all losses since its beginning.
+    assert 'class=bad' in counts_table(later)  # For a recording, the table shows all losses since its beginning.
 
 
 def test_counters_that_begin_again_have_no_past():
@@ -382,7 +383,7 @@ def test_counters_that_begin_again_have_no_past():
     history = HealthHistory()
     for stamp, facts in enumerate((counted(7, 5000), counted(9, 90), counted(12, 190))):
         before = history.before(facts, float(stamp))
-    assert rows_of(health_table(facts, before=before))['lost: late'] == '12 (3 in 1 s)'
+    assert rows_of(counts_table(facts, before=before))['lost: late'] == '12 (3 in 1 s)'
 
 
 def test_what_is_lost_is_listed_by_reason():
@@ -391,11 +392,11 @@ def test_what_is_lost_is_listed_by_reason():
     node = NodeHealth(32, 5, True, 0.1, NodeFault.TWO_SENDERS)
     facts = facts_of(BusStatistics({'left': pad}, {}, queue_overruns=3),
                      BusHealth(Failure(BusFault.BUS_OFF, 'wire cut'), nodes={'left': (node,)}))
-    assert facts.pads[0].losses == {'late': 7} and facts.counts == {'queue_overruns': 3}
-    table = health_table(facts)
+    assert facts.pads[0].counts.losses == {'late': 7} and facts.counts == {'queue_overruns': 3}
+    table = counts_table(facts)
     for said in ('lost: late</td><td>7', '8 missing', 'queue overruns</td><td>3', 'wire cut', 'two devices send'):
         assert said in table
-    assert 'no status' in health_table(None)
+    assert 'no status' in counts_table(None)
 
 
 # --- Recordings on disk

@@ -73,7 +73,7 @@ class BagReporter:
         unread, problem = self._reader.unread.total(), self._reader.problem
         if not self._pads:
             raise LogError(self._path, expected='a taxel array', got=problem or 'none', remedy='Record it again.')
-        pads = tuple(replace(record.report(), losses=self._status.losses(name))
+        pads = tuple(replace(record.report(), counts=self._status.counts(name))
                      for name, record in sorted(self._pads.items()))
         misshapen = sum(record.misshapen for record in self._pads.values())
         kind, nodes, bus = Kind.TOPICS, self._status.nodes(), self._status.bus()

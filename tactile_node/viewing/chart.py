@@ -7,7 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from tactile_node.colour_map import rounded_up
-from tactile_node.viewing.templates import pictures
+from tactile_node.viewing.templates import shared
 
 POINT_COLOURS = '#0ea5e9', '#f97316', '#16a34a', '#a855f7'  #: colours assigned to the pads in order
 LEAST_TOP = 1.0  #: minimum upper end of the value axis [unit of the values]
@@ -52,7 +52,7 @@ def chart(series: Sequence[Series], begin: float, end: float, unit: str) -> Mark
                                        for each in series)]))
     x_ticks = [(FRAME.place((time - begin) / (end - begin), 0)[0], f'{time:g} s') for time in ticks(begin, end)]
     y_ticks = [(FRAME.place(0, share)[1], f'{share * top:g} {unit}') for share in (0.0, 0.5, 1.0)]
-    return pictures().chart(FRAME, x_ticks, y_ticks, [
+    return shared().chart(FRAME, x_ticks, y_ticks, [
         (each.colour, LINE_WIDTH if each.gap else DOT_WIDTH, _path(each, begin, end, top)) for each in series])
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import can
 
-from tactile_node.assembly.frame_source import PadStatistics
 from tactile_node.assembly.router import non_data_kind
 from tactile_node.errors import LogError
 from tactile_node.logs.logged_set_up import Contradiction, LoggedSetUp
@@ -21,6 +20,7 @@ from tactile_node.viewing.model import PadReport, Report
 from tactile_node.viewing.node_record import BusRecord, NodeRecords
 from tactile_node.viewing.pad_record import PadRecord
 from tactile_node.viewing.reported_file import Kind, ReportedFile, sha256_of
+from tactile_node.viewing.states import PadCounts, facts_of
 from tactile_node.viewing.touch import TouchList
 
 END_POLL = 0.1  #: polling period for the end of the log [s]
@@ -94,7 +94,8 @@ class LogReporter:
         recording = ReportedFile.of(
             self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=statistics.unread,
             problem=source.reader.problem, damages=tuple(source.reader.damages), clock_jumps=statistics.clock_jumps)
-        return Report(recording, tuple(self._pad(pad, statistics.pads[pad.name]) for pad in self._pads),
+        counts = {pad.pad: pad.counts for pad in facts_of(statistics, source.health()).pads}
+        return Report(recording, tuple(self._pad(pad, counts[pad.name]) for pad in self._pads),
                       self._nodes.reports(), self._bus.report(statistics.can_frames))
 
     def _frame(self, pad: str, frame: TaxelFrame) -> None:
@@ -110,11 +111,10 @@ class LogReporter:
             if found is not None:
                 self._contradictions.setdefault(found.pad, found)
 
-    def _pad(self, pad: PadSettings, statistics: PadStatistics) -> PadReport:
+    def _pad(self, pad: PadSettings, counts: PadCounts) -> PadReport:
         report = replace(
             self._records[pad.name].report(), node_ids=pad.node_ids, layout=Path(pad.layout.source).name,
-            layout_sha256=sha256_of(config_path(pad.layout.source)), statistics=statistics,
-            losses=tuple((reason.key, count) for reason, count in statistics.losses.items() if count),
+            layout_sha256=sha256_of(config_path(pad.layout.source)), counts=counts,
             strangers=tuple(self._source.heard.strangers().get(pad.name, ())))
         contradiction = self._contradictions.get(pad.name)
         if self._any_device or contradiction is None and not report.strangers:

@@ -11,11 +11,11 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import PadStatistics
 from tactile_node.cia301.emergency import Emergency
 from tactile_node.cia301.objects import PRODUCER_HEARTBEAT_TIME
 from tactile_node.logs.logged_set_up import Contradiction
 from tactile_node.viewing.reported_file import ReportedFile
+from tactile_node.viewing.states import PadCounts
 from tactile_node.viewing.taxel_record import TaxelHealth
 from tactile_node.viewing.touch import Sample, TouchList
 
@@ -96,9 +96,7 @@ class PadReport:
     node_ids: tuple[int, ...] = ()        #: node-IDs of the pad, or empty if the recording does not contain them
     layout: str | None = None             #: name of the layout
     layout_sha256: str | None = None
-    statistics: PadStatistics | None = None
-    #: number of lost CAN frames for each reason
-    losses: tuple[tuple[str, int], ...] | None = None
+    counts: PadCounts | None = None       #: counters within the recording
     #: evidence that the log comes from another device; with such evidence, no taxels are reported
     contradiction: Contradiction | None = None
     #: other nodes that send the pad's COB-IDs, listed if the pad's own nodes were not heard

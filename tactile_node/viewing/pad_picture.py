@@ -12,7 +12,7 @@ from tactile_node.colour_map import PALETTE, value_colours
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 from tactile_node.viewing.chart import ticks
 from tactile_node.viewing.states import PadState
-from tactile_node.viewing.templates import pictures
+from tactile_node.viewing.templates import shared
 
 #: length of the longer side of the taxel area [SVG units]
 LONGER_SIDE = 16.0
@@ -69,7 +69,7 @@ def taxel_map(label: str, colours: np.ndarray, pitch: float, *, top: tuple[str, 
     """
     rows, cols = colours.shape[:2]
     x_ticks, y_ticks = (ticks(0, 1e3 * pitch * (count - 1)) for count in (cols, rows))
-    return pictures().pad(
+    return shared().pad(
         label, rows, cols, LONGER_SIDE / max(rows, cols), opacity, _png(colours[::-1]), _places(hidden),
         _places(saturated), [(1e-3 * x / pitch + 0.5, f'{x:g}') for x in x_ticks],
         [(rows - 0.5 - 1e-3 * y / pitch, f'{y:g}') for y in y_ticks],

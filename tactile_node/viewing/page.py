@@ -12,7 +12,7 @@ import numpy as np
 
 from tactile_node.threads import ReportedThread
 from tactile_node.viewing.chart import POINT_COLOURS, Series, chart
-from tactile_node.viewing.health_table import HealthHistory, health_table
+from tactile_node.viewing.counts_table import HealthHistory, counts_table
 from tactile_node.viewing.pads_3d import Pads3d
 from tactile_node.viewing.page_parts import (
     DrawnPad,
@@ -216,7 +216,7 @@ class Page:
         age, before = time.monotonic() - shown.bus_acquired, None
         if shown.bus is not None and self._source.player is None:
             before = self._history.before(shown.bus, shown.bus_acquired)
-        self._health.content = health_table(shown.bus, age, before)
+        self._health.content = counts_table(shown.bus, age, before)
         if self._controls is not None:
             self._controls.update()
         self._planes_html.content = self._planes_picture(drawn) if self._planes_wanted.value else ''

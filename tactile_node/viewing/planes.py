@@ -7,7 +7,7 @@ from tactile_node.package_files import config_path
 from tactile_node.shape.recognition import METHOD_FILES, VOLF
 from tactile_node.shape.volf import SMALLEST, Plane, VolfClassifier, axes, plane_feature
 from tactile_node.viewing.chart import POINT_COLOURS, Frame
-from tactile_node.viewing.templates import pictures
+from tactile_node.viewing.templates import shared
 
 PLANE = Frame(30.0, 17.0, 3.2, .4, 1.4, 2.6)
 
@@ -45,7 +45,7 @@ def _picture(name: str, plane: Plane, features: dict[int, Features]) -> str:
     points = {pad: (plane_feature(found, plane.horizontal), plane_feature(found, plane.vertical))
               for pad, found in features.items()}
     ends = np.expm1(low), np.expm1(high), max(np.exp(bottom) - .01, 0), np.exp(top) - .01
-    return str(pictures().plane(
+    return str(shared().plane(
         PLANE, name, plane, np.column_stack(place(u, v)).tolist(),
         [(place(*map(float, axes(*point))), POINT_COLOURS[pad % len(POINT_COLOURS)])
          for pad, point in points.items() if np.isfinite(point).all()], ends))

@@ -25,6 +25,7 @@ from tactile_node.shape.recognition import Shape, ShapeClass
 from tactile_node.taxel_frame import TaxelStatus
 from tactile_node.viewing.chart import Series, chart
 from tactile_node.viewing.contact_text import force_text, shape_text, size_text
+from tactile_node.viewing.counts_table import tpdo_rows
 from tactile_node.viewing.findings import findings
 from tactile_node.viewing.model import Ends, LoadCurve, NmtChange, NodeReport, PadReport, Report
 from tactile_node.viewing.node_record import OBJECTS
@@ -34,7 +35,6 @@ from tactile_node.viewing.templates import environment
 from tactile_node.viewing.touch import MOST_PICTURES, MOST_TOUCHES, ReportedTouch
 from tactile_node.viewing.touch_finder import RECOGNITION_PERIOD
 
-ABSENT_TEXT = 'not in this recording'
 TEXT_OBJECTS = DEVICE_NAME, HARDWARE_VERSION, SOFTWARE_VERSION
 #: palette of Okabe and Ito, whose colours remain distinct for colour-blind readers
 SHAPE_COLOURS: dict[ShapeClass, str] = {
@@ -59,13 +59,14 @@ def page_of(report: Report) -> str:
     begin = report.recording.begin
     functions = {function.__name__: function for function in (
         utc, command_text, node_label, event_text, force_text, health_pictures, identity_of, load_chart, load_text,
-        mark_counts, shape_text, count_text, moves_of, size_text, touch_charts, touch_picture, worst_taxels)}
+        mark_counts, shape_text, count_text, moves_of, size_text, touch_charts, touch_picture, tpdo_rows,
+        worst_taxels)}
     return environment().get_template('report.html').render(
         functions, report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
         versions=versions(),
         at=lambda stamp, digits=3: f'{stamp - begin:.{digits}f}', found=findings(report),
         missing=[('missing', line) for line in damage_lines(report.recording.damages)],
-        smallest_contact=SMALLEST_CONTACT, absent_text=ABSENT_TEXT, most_touches=MOST_TOUCHES,
+        smallest_contact=SMALLEST_CONTACT, most_touches=MOST_TOUCHES,
         most_pictures=MOST_PICTURES, sample_period=f'{RECOGNITION_PERIOD:g}')
 
 

@@ -4,8 +4,6 @@ The driver's counters start when the driver is configured. The report covers onl
 first message are subtracted.
 """
 
-from collections import Counter
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +11,7 @@ import numpy as np
 from tactile_node.cia301.objects import NmtState
 from tactile_node.taxel_frame import read_only
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NmtChange, NodeReport, Reported
+from tactile_node.viewing.states import PadCounts, counts_of_status
 
 OK_LEVEL = 1                            #: level OK of SkinStatus and PadStatus, where NOT_KNOWN is 0
 NMT_NOT_KNOWN = 0                       #: value of NodeStatus.nmt_state
@@ -28,7 +27,8 @@ class StatusRecord:
         self._reported: Ends[Reported] = Ends()
         self._loads: list[tuple[float, float]] = []
         self._nodes: dict[int, _ReportedNode] = {}
-        self._losses: dict[str, _Counts] = {}
+        self._last: dict[str, PadCounts] = {}  # counters of each pad in its last message
+        self._within: dict[str, PadCounts] = {}  # counters of each pad within the recording
         self._has_message = False
 
     def feed_status(self, stamp: float, status: Any) -> None:
@@ -38,8 +38,7 @@ class StatusRecord:
         self._report(stamp, 'bus', status.level - OK_LEVEL, status.failure or status.message)
         for pad in status.pads:
             self._report(stamp, f'pad {pad.pad}', pad.level - OK_LEVEL, pad.message)
-            counts = dict(zip(pad.loss_reasons, map(int, pad.loss_counts)))
-            self._losses.setdefault(pad.pad, _Counts()).feed(counts)
+            self._count(pad.pad, counts_of_status(pad))
             for node in pad.nodes:
                 self._nodes.setdefault(node.node_id, _ReportedNode(node.node_id, pad.pad)).feed(stamp, node)
                 self._report(stamp, f'node {node.node_id}', int(bool(node.fault_text)), node.fault_text)
@@ -59,39 +58,25 @@ class StatusRecord:
             load = LoadCurve(STATUS_PERIOD, read_only(stamps), None, read_only(shares), float(shares.mean()))
         return BusReport(load, self._reported if self._has_message else None)
 
-    def losses(self, pad: str) -> tuple[tuple[str, int], ...] | None:
-        """Return the number of CAN frames lost in the recording, by reason. ``pad`` may include a namespace."""
-        counts = self._losses.get(pad.rpartition('/')[2])
-        return None if counts is None else counts.within()
+    def counts(self, pad: str) -> PadCounts | None:
+        """Return the counters within the recording, or None without messages. ``pad`` may include a namespace."""
+        return self._within.get(pad.rpartition('/')[2])
 
     def nodes(self) -> tuple[NodeReport, ...] | None:
         """Return the nodes of the pads, or None if no SkinStatus names a node."""
         return tuple(node.report for _, node in sorted(self._nodes.items())) or None
+
+    def _count(self, pad: str, counts: PadCounts) -> None:
+        new = counts.minus(self._last.get(pad, counts))
+        if not new.is_possible:  # counters decrease only when the driver restarts, which sets them to 0
+            new = counts
+        self._last[pad], self._within[pad] = counts, self._within.get(pad, PadCounts()).plus(new)
 
     def _report(self, stamp: float, where: str, level: int, message: str) -> None:
         before, now = self._levels.get(where, (0, '')), (level, message)
         self._levels[where] = now
         if before != now and (level > 0 or before[0] > 0):
             self._reported.add(Reported(stamp, f'{where}: {message or "no fault"}', level > 0))
-
-
-class _Counts:
-    """Counts losses within the recording. The driver's counters decrease only when the driver restarts."""
-
-    def __init__(self) -> None:
-        self._last: Mapping[str, int] | None = None
-        self._within: Counter[str] = Counter()
-
-    def feed(self, counts: Mapping[str, int]) -> None:
-        before = counts if self._last is None else self._last
-        if any(count < before.get(reason, 0) for reason, count in counts.items()):
-            before = {}
-        for reason, count in counts.items():
-            self._within[reason] += count - before.get(reason, 0)
-        self._last = counts
-
-    def within(self) -> tuple[tuple[str, int], ...]:
-        return tuple((reason, count) for reason, count in self._within.items() if count)
 
 
 class _ReportedNode:

@@ -8,20 +8,25 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
+ABSENT_TEXT = 'not in this recording'
+
+
 @cache
 def environment() -> 'Environment':
     """Return the Jinja2 environment, which loads the templates from this folder."""
     # Jinja2 is imported here because the import is slow and not every command needs it.
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
-                       undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    found = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
+                        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    found.globals['absent_text'] = ABSENT_TEXT
+    return found
 
 
 @cache
-def pictures() -> Any:
-    """Return the macros of pictures.html, which all pages share."""
-    return environment().get_template('pictures.html').module
+def shared() -> Any:
+    """Return the macros of shared.html, which the pages of the view and the report share."""
+    return environment().get_template('shared.html').module
 
 
 def printable(value: object) -> object:
