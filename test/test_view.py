@@ -39,7 +39,7 @@ from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadCoun
 from tactile_node.viewing.terminal import show_in_terminal
 
 pytest.importorskip('jinja2')
-LIVE = PageFacts('by hand', None, '', 20.0, 0.05, scene_age=0.1)
+LIVE = PageFacts('by hand', None, '', 20.0, 0.05)
 
 
 def parts(svg, tag):
@@ -245,7 +245,6 @@ def test_nothing_but_pads_and_status_line_says_whether_a_pad_is_live():
     source.store.put(state())
     source.store.put_bus(BusFacts('', 0.3, {}, (PadFacts('left', PadCounts(9, 0, 9, 9, 9)),)))
     page = page_of(source, browser)
-    page._scene_due = float('inf')  # With the scene postponed, the next update is that of the chart and the tables.
     page.start()
     until(lambda: browser.client.flush.call_count == 1, 60)
     page.taken(1)
@@ -318,15 +317,6 @@ def test_what_a_source_has_shown_is_forgotten_when_it_stops():
     store.clear()
     assert store.shown().grasp is None and store.shown().pads == {'left': None}
     assert 'this source has none' in macros().grasp(store.shown().grasp, NAN, NAN)
-
-
-# --- The 3-D view
-
-
-@pytest.mark.parametrize('age, is_current', [(0.9, True), (1.1, False), (float('inf'), False), (NAN, False)])
-def test_the_sketch_is_covered_unless_it_is_current_by_its_own_receipt(age, is_current):
-    shown = status_html(LIVE._replace(scene_age=age), [drawn(0.05)], 0, 1)
-    assert ('tactile-scene-current' in shown) is is_current
 
 
 def test_stamps_of_another_time_are_said_to_be_a_replay():

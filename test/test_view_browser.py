@@ -175,7 +175,7 @@ IN_PLACE = """() => {
 }"""
 
 
-def test_without_a_gpu_the_message_of_the_3d_library_covers_nothing_and_old_words_are_replaced(browser, server):
+def test_without_a_gpu_the_message_of_webgl_covers_nothing_and_old_words_are_replaced(browser, server):
     page = opened(browser, server, width=1200)
     page.wait_for_selector('.mantine-Notifications-notification')
     for part in ('.tactile-status', '.tactile-pads'):
@@ -194,28 +194,6 @@ OPACITIES = """() => new Promise(resolve => {
     const timer = setInterval(() => seen.push(getComputedStyle(document.querySelector('.tactile-dead')).opacity), 20);
     setTimeout(() => { clearInterval(timer); resolve(seen); }, 1000);
 })"""
-
-
-def cover(page):
-    """Return the text that covers the 3-D view, taken from the browser's computed style.
-
-    The text 'none' means that nothing covers the view.
-    """
-    return page.evaluate("""getComputedStyle(document.querySelector('canvas').parentElement, '::after').content""")
-
-
-def test_a_contact_that_has_gone_is_not_left_in_the_3d_view(browser, monkeypatch):
-    """If WebGL runs in software, the browser needs a long time for the second update of the scene."""
-    from tactile_node.viewing import page as module
-    from tactile_node.viewing.server import ViewServer
-    monkeypatch.setattr(module, 'SCENE_PERIOD', 3600.0)
-    server = ViewServer(MovingSource(), port=0)
-    page = opened(browser, server)
-    until(lambda: 'OLD' in cover(page), 30.0)
-    until(lambda: page.locator('.tactile-status b').first.inner_text() == 'LIVE')  # The maps continue.
-    page.screenshot(path=PICTURES / 'old_scene.png')
-    page.close()
-    server.close()
 
 
 #: JavaScript that reads the addresses in three ways: with a request, with a frame, and with a WebSocket that waits for
@@ -337,9 +315,6 @@ def test_over_a_slow_tunnel_nothing_old_looks_live(browser, server):
     server._source.side_at = lambda now: now - begin
     tunnel = Tunnel(server.port)
     page = opened(browser, server, port=tunnel.port)
-    # Without a GPU, drawing the 3-D view would block the browser.
-    page.get_by_text('3-D', exact=True).click()
-    page.add_style_tag(content='canvas {display: none}')
     page.wait_for_timeout(1000)
     ages = page.evaluate(AGES, begin)
     print(f'\n{TUNNEL_RATE / 1e3:.0f} kB/s with jams: live in {len(ages)} looks, {max(ages):.2f} s old at most')

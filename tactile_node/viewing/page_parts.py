@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 OLD_AGE = 0.5          #: age at which data are first marked as old [s]
 FRAME_TIME = 0.02      #: display time of one picture in the browser [s]
-OLD_SCENE_AGE = 1.0    #: age above which the 3-D view is marked as old [s]
 PAGE_SILENCE = 2.0  #: time without an update after which the page shows a warning [s]
 CLOCK_DIFFERENCE_LIMIT = 5.0  #: difference between stamps and this computer's clock that triggers a warning [s]
 
@@ -86,7 +85,7 @@ class Scales:
 def macros() -> Any:
     """Return the macros of page.html."""
     return environment().get_template('page.html', globals={
-        'page_silence': PAGE_SILENCE, 'old': OLD_AGE, 'old_scene': OLD_SCENE_AGE, 'taken': TAKEN_PATH,
+        'page_silence': PAGE_SILENCE, 'old': OLD_AGE, 'taken': TAKEN_PATH,
         'point_colours': POINT_COLOURS, 'said_of': said_of, 'hidden_text': hidden_text, 'contact_text': contact_text,
         'pad_picture': pad_picture, 'fresh_for': fresh_for, 'silence': silence}).module
 
@@ -126,7 +125,6 @@ class PageFacts(NamedTuple):
     problem: str
     rate: float       #: rate of updates confirmed by this browser [1/s]
     delay: float      #: mean age of the newest data on arrival in the browser [s], or NaN if not measured yet
-    scene_age: float  #: age of the last 3-D view that the browser has confirmed [s], or inf if there is none
     grasp: GraspFacts | None = None
 
 
