@@ -315,7 +315,7 @@ def status(load=0.3, level=1, message='', late=0, emcy=0, nmt=5):
 def test_counts_of_the_driver_are_those_within_the_recording():
     record = StatusRecord()
     for k, each in enumerate((status(late=5, emcy=2), status(late=8, emcy=3), status(late=1, emcy=0))):
-        record.feed_status(BEGIN + k, each)
+        record.feed(BEGIN + k, each)
     # The count of late TPDOs rises by 3. The driver then restarts, and its new count of 1 is added.
     assert record.counts('robot/left').losses == {'late': 4, 'short': 7}
     assert record.counts('right') is None
@@ -327,7 +327,7 @@ def test_counts_of_the_driver_are_those_within_the_recording():
 def test_what_the_driver_reports_is_given_where_it_changes():
     record = StatusRecord()
     for k, (level, message) in enumerate([(1, ''), (3, 'no frames'), (3, 'no frames'), (1, '')]):
-        record.feed_status(BEGIN + k, status(level=level, message=message))
+        record.feed(BEGIN + k, status(level=level, message=message))
     assert [(each.stamp, each.is_problem) for each in record.bus().reported] == [(BEGIN + 1, True), (BEGIN + 3, False)]
     np.testing.assert_allclose(record.bus().load.shares, 0.3)
     nothing = StatusRecord()

@@ -5,13 +5,14 @@ The page names the facts that the recording does not contain. Pages made from ba
 
 import re
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.metadata import version
 from threading import Event
 
 import numpy as np
 import pytest
-from test_report import BEGIN, NAME_UPLOAD, SESSION, logged, report_of, session
+from test_report import BEGIN, NAME_UPLOAD, SESSION, logged, report_of, session, status
 from test_topic_bag import TAXELS, bag, mcap_file, store, taxel_array
 
 from tactile_node.cli.main import main
@@ -24,6 +25,7 @@ from tactile_node.viewing.bag_reporter import BagReporter
 from tactile_node.viewing.findings import Remark, findings
 from tactile_node.viewing.report_page import TAUGHT_COLOUR, page_of
 from tactile_node.viewing.reported_file import Kind
+from tactile_node.viewing.status_record import StatusRecord
 from tactile_node.viewing.templates import ABSENT_TEXT
 
 pytest.importorskip('jinja2')
@@ -139,13 +141,21 @@ def test_a_bag_of_taxel_arrays(tmp_path):
     assert texts.count(ABSENT_TEXT) >= 8
 
 
-def test_diagnostics_of_any_program_are_escaped(tmp_path):
+def test_diagnostics_of_another_program_are_not_reported_as_the_driver_s(tmp_path):
     kinds = store().types
     header = kinds['std_msgs/msg/Header'](kinds['builtin_interfaces/msg/Time'](BEGIN, 0), '')
-    status = kinds['diagnostic_msgs/msg/DiagnosticStatus'](2, '<img src=x onerror=alert(3)>', 'fell over', '', [])
+    status = kinds['diagnostic_msgs/msg/DiagnosticStatus'](2, 'camera', 'fell over', '', [])
     messages = [('/left/taxels', message) for message in frames(3)]
     messages.append(('/diagnostics', kinds[DIAGNOSTICS](header, [status])))
     report = reported(bag(tmp_path / 'bag', messages, topics=(('/left/taxels', TAXELS), ('/diagnostics', DIAGNOSTICS))))
+    assert report.bus.reported is None and 'fell over' not in page_of(report)
+
+
+def test_what_the_driver_reports_is_escaped(tmp_path):
+    record = StatusRecord()
+    record.feed(BEGIN, status(level=3, message='<img src=x onerror=alert(3)>'))
+    report = reported(bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames(3)]))
+    report = replace(report, bus=record.bus())
     change, = report.bus.reported
     assert change.is_problem and (Remark.REPORTED, 1) in {(each.finding, each.number) for each in findings(report)}
     assert any('<img src=x' in text for text in check_alone(page_of(report)).texts)

@@ -8,7 +8,6 @@ from tactile_node.errors import LogError
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.topic_bag import (
-    DIAGNOSTICS,
     STATUS,
     TAXELS,
     BagMessage,
@@ -65,7 +64,7 @@ class BagReporter:
         KeyboardInterrupt
             Raised if ``stop_requested`` is set.
         """
-        for message in self._reader.messages((TAXELS, STATUS, DIAGNOSTICS), window=self._window):
+        for message in self._reader.messages((TAXELS, STATUS), window=self._window):
             if stop_requested.is_set():
                 raise KeyboardInterrupt
             self._on_message()
@@ -89,10 +88,8 @@ class BagReporter:
     def _feed(self, message: BagMessage) -> None:
         if message.type == TAXELS:
             self._taxels(message)
-        elif message.type == STATUS:
-            self._status.feed_status(message.stamp, message.content)
-        elif STATUS not in self._reader.topics.values():
-            self._status.feed_diagnostics(message.stamp, message.content)
+        else:
+            self._status.feed(message.stamp, message.content)
 
     def _taxels(self, message: BagMessage) -> None:
         name, taxels, frame = pad_of(message.topic), message.content, frame_of(message.content)

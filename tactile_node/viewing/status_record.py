@@ -1,4 +1,4 @@
-"""Collect the driver's status reports from a bag: SkinStatus messages or, if there are none, /diagnostics.
+"""Collect the driver's status reports from a bag.
 
 The driver's counters start when the driver is configured. The report covers only the recording, so the counts in the
 first message are subtracted.
@@ -29,11 +29,9 @@ class StatusRecord:
         self._nodes: dict[int, _ReportedNode] = {}
         self._last: dict[str, PadCounts] = {}  # counters of each pad in its last message
         self._within: dict[str, PadCounts] = {}  # counters of each pad within the recording
-        self._has_message = False
 
-    def feed_status(self, stamp: float, status: Any) -> None:
+    def feed(self, stamp: float, status: Any) -> None:
         """Process a SkinStatus."""
-        self._has_message = True
         self._loads.append((stamp, float(status.bus_load)))
         self._report(stamp, 'bus', status.level - OK_LEVEL, status.failure or status.message)
         for pad in status.pads:
@@ -43,20 +41,13 @@ class StatusRecord:
                 self._nodes.setdefault(node.node_id, _ReportedNode(node.node_id, pad.pad)).feed(stamp, node)
                 self._report(stamp, f'node {node.node_id}', int(bool(node.fault_text)), node.fault_text)
 
-    def feed_diagnostics(self, stamp: float, diagnostics: Any) -> None:
-        """Process a DiagnosticArray from any node."""
-        self._has_message = True
-        for status in diagnostics.status:
-            level = status.level if isinstance(status.level, int) else status.level[0]
-            self._report(stamp, status.name, level, status.message)
-
     def bus(self) -> BusReport:
         """Return the facts about the bus. ``reported`` holds changes of level or text, or None without messages."""
-        load = None
-        if self._loads:
-            stamps, shares = np.array(self._loads).T
-            load = LoadCurve(STATUS_PERIOD, read_only(stamps), None, read_only(shares), float(shares.mean()))
-        return BusReport(load, self._reported if self._has_message else None)
+        if not self._loads:
+            return BusReport(None)
+        stamps, shares = np.array(self._loads).T
+        load = LoadCurve(STATUS_PERIOD, read_only(stamps), None, read_only(shares), float(shares.mean()))
+        return BusReport(load, self._reported)
 
     def counts(self, pad: str) -> PadCounts | None:
         """Return the counters within the recording, or None without messages. ``pad`` may include a namespace."""
