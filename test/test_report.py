@@ -82,8 +82,10 @@ def test_devices_and_bus_of_a_session(whole):
     node = whole.nodes[0]
     assert node.objects[0x1018, 1] == (bytes.fromhex('C1050000'),)
     assert (0x1008, 0) not in node.objects and (0x1018, 4) not in node.objects
-    assert [change.state for change in node.nmt] == [0x00, 0x05] and node.heartbeats == 48
-    assert [command.command for command in whole.bus.commands] == [0x80, 0x80, 0x01, 0x01, 0x80, 0x80]
+    assert [change.text for change in node.nmt] == ['BOOT-UP', 'OPERATIONAL'] and node.heartbeats == 48
+    # The driver sends PRE-OPERATIONAL, OPERATIONAL and PRE-OPERATIONAL to each node.
+    assert [command.text.rpartition(' to ')[2] for command in whole.bus.commands] == 3 * ['node 32', 'node 64']
+    assert len({command.text for command in whole.bus.commands}) == 4
     # The bus carries 25 sweeps a second, each with a SYNC of at most 55 bits and 64 TPDOs of 135 bits. Each node adds
     # ten heartbeats a second, each with one byte and 65 bits.
     assert whole.bus.load.bit_rates[3] == 25 * (55 + 64 * 135) + 20 * 65
@@ -121,8 +123,9 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
     assert '<tr class=bad><td>lost: duplicate</td><td>1</td></tr>' in page_of(report)
     node5, node32, node64 = report.nodes
     assert node32.objects[0x1008, 0] == (b'<script>alert(1)',)
-    assert [(each.code, each.register) for each in node32.emergencies] == [(0x4210, 0x09)]
-    assert [change.state for change in node64.nmt].count(0) == 2
+    error, = node32.emergencies
+    assert error.text.startswith('EMCY 0x4210') and 'generic, temperature' in error.text and error.is_problem
+    assert [change.text for change in node64.nmt].count('BOOT-UP') == 2 and node64.restarts == 1
     assert node5.pad is None and node5.heartbeats == 1 and node5.objects == {}
     expected = {(Remark.LOST_CAN_FRAMES, 'pad32'): 2, (Remark.INCOMPLETE, 'pad32'): 2,
                 (Remark.EMERGENCIES, '32'): 1, (Remark.BOOTED_AGAIN, '64'): 1, (Remark.NODE_OF_NO_PAD, '5'): 1}

@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.cia301.emergency import Emergency
-from tactile_node.cia301.objects import NmtState
-from tactile_node.viewing.model import BusReport, NodeReport, PadReport, Report, Reported
+from tactile_node.viewing.model import BusReport, NodeReport, PadReport, Report
 from tactile_node.viewing.taxel_record import FAULTS, marks_of
 
 HIGH_LOAD = 0.9  #: bus load above which other traffic delays sweeps, as a fraction
@@ -95,14 +93,10 @@ def _is_empty(pad: PadReport) -> bool:
 
 def _of_node(node: NodeReport) -> Iterator[Found]:
     where = str(node.node_id)
-    yield Found(Remark.EMERGENCIES, where, any(map(_is_error, node.emergencies)) and node.emergencies.count)
-    yield Found(Remark.BOOTED_AGAIN, where, sum(change.state == NmtState.BOOT_UP for change in list(node.nmt)[1:]))
+    yield Found(Remark.EMERGENCIES, where, any(each.is_problem for each in node.emergencies) and node.emergencies.count)
+    yield Found(Remark.BOOTED_AGAIN, where, node.restarts)
     yield Found(Remark.TWO_VALUES, where, any(len(values) > 1 for values in node.identity.values()))
     yield Found(Remark.NODE_OF_NO_PAD, where, node.pad is None)
-
-
-def _is_error(emergency: Emergency | Reported) -> bool:
-    return emergency.is_problem if isinstance(emergency, Reported) else not emergency.is_reset
 
 
 def _of_bus(bus: BusReport) -> Iterator[Found]:

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from tactile_node.assembly.fault_text import command_text, node_label
+from tactile_node.assembly.fault_text import node_label
 from tactile_node.cia301.objects import (
     DEVICE_NAME,
     HARDWARE_VERSION,
     PRODUCER_HEARTBEAT_TIME,
     SOFTWARE_VERSION,
-    state_name,
 )
 from tactile_node.colour_map import value_colours
 from tactile_node.contact.press import SMALLEST_CONTACT
@@ -27,7 +26,7 @@ from tactile_node.viewing.chart import Series, chart
 from tactile_node.viewing.contact_text import force_text, shape_text, size_text
 from tactile_node.viewing.counts_table import tpdo_rows
 from tactile_node.viewing.findings import findings
-from tactile_node.viewing.model import Ends, LoadCurve, NmtChange, NodeReport, PadReport, Report
+from tactile_node.viewing.model import Ends, LoadCurve, NodeReport, PadReport, Report
 from tactile_node.viewing.node_record import OBJECTS
 from tactile_node.viewing.pad_picture import pad_picture, reading, taxel_map
 from tactile_node.viewing.taxel_record import FAULTS, Mark, TaxelHealth, marks_of, no_value_share
@@ -58,7 +57,7 @@ def page_of(report: Report) -> str:
     """Return the page. All text from the recording is escaped."""
     begin = report.recording.begin
     functions = {function.__name__: function for function in (
-        utc, command_text, node_label, event_text, force_text, health_pictures, identity_of, load_chart, load_text,
+        utc, node_label, force_text, health_pictures, identity_of, load_chart, load_text,
         mark_counts, shape_text, count_text, moves_of, size_text, touch_charts, touch_picture, tpdo_rows,
         worst_taxels)}
     return environment().get_template('report.html').render(
@@ -184,8 +183,3 @@ def _value(index: int, data: bytes) -> str:
         return data.decode('utf-8', 'replace').rstrip('\0')
     number = int.from_bytes(data, 'little')
     return str(number) if index == PRODUCER_HEARTBEAT_TIME else f'0x{number:X}'
-
-
-def event_text(event: Any) -> str:
-    """Return an NMT state change, an EMCY or a driver message as text."""
-    return state_name(event.state) if isinstance(event, NmtChange) else getattr(event, 'text', None) or str(event)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_node.cia301.objects import NmtState
 from tactile_node.taxel_frame import read_only
-from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NmtChange, NodeReport, Reported
+from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NodeReport, ReportedEvent
 from tactile_node.viewing.states import PadCounts, counts_of_status
 
 OK_LEVEL = 1                            #: level OK of SkinStatus and PadStatus, where NOT_KNOWN is 0
@@ -24,7 +24,7 @@ class StatusRecord:
 
     def __init__(self) -> None:
         self._levels: dict[str, tuple[int, str]] = {}
-        self._reported: Ends[Reported] = Ends()
+        self._reported: Ends[ReportedEvent] = Ends()
         self._loads: list[tuple[float, float]] = []
         self._nodes: dict[int, _ReportedNode] = {}
         self._last: dict[str, PadCounts] = {}  # counters of each pad in its last message
@@ -67,7 +67,7 @@ class StatusRecord:
         before, now = self._levels.get(where, (0, '')), (level, message)
         self._levels[where] = now
         if before != now and (level > 0 or before[0] > 0):
-            self._reported.add(Reported(stamp, f'{where}: {message or "no fault"}', level > 0))
+            self._reported.add(ReportedEvent(stamp, f'{where}: {message or "no fault"}', level > 0))
 
 
 class _ReportedNode:
@@ -79,11 +79,11 @@ class _ReportedNode:
     def feed(self, stamp: float, node: Any) -> None:
         state = {NMT_NOT_KNOWN: None, NMT_BOOT_UP: NmtState.BOOT_UP}.get(node.nmt_state, node.nmt_state)
         if state is not None and state != self._state:
-            self.report.nmt.add(NmtChange(stamp, state))
+            self.report.add_state(stamp, state)
         self._state = state
         new = 0 if self._count is None else node.emcy_count - self._count
         new = new if new >= 0 else node.emcy_count  # the counter fell because the driver restarted
         if new:
-            self.report.emergencies.add(Reported(stamp, node.emcy_last, bool(node.emcy_active)))
+            self.report.emergencies.add(ReportedEvent(stamp, node.emcy_last, bool(node.emcy_active)))
             self.report.emergencies.count += new - 1  # a NodeStatus holds only the last EMCY
         self._count = node.emcy_count
