@@ -19,24 +19,23 @@ from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.contact_text import contact_text
 from tactile_node.viewing.counts_table import HealthHistory, counts_table
+from tactile_node.viewing.drawn_pad import OLD_AGE, Scales
 from tactile_node.viewing.pad_picture import pad_picture
 from tactile_node.viewing.pad_recogniser import PadRecogniser
 from tactile_node.viewing.page import force_chart
 from tactile_node.viewing.page_parts import (
     FRAME_TIME,
-    OLD_AGE,
     PageFacts,
-    Scales,
     clock_difference,
     fresh_for,
     macros,
     pads_html,
     status_html,
 )
-from tactile_node.viewing.recordings import Timeline
 from tactile_node.viewing.source import MOST_FORCE_POINTS, Store
 from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadCounts, PadFacts, facts_of
 from tactile_node.viewing.terminal import show_in_terminal
+from tactile_node.viewing.timeline import Timeline
 
 pytest.importorskip('jinja2')
 LIVE = PageFacts('by hand', None, '', 20.0, 0.05)

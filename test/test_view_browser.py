@@ -305,7 +305,7 @@ AGES = """begin => new Promise(resolve => {
 
 
 def test_over_a_slow_tunnel_nothing_old_looks_live(browser, server):
-    from tactile_node.viewing.page_parts import OLD_AGE
+    from tactile_node.viewing.drawn_pad import OLD_AGE
     begin = time.time()
     server._source.side_at = lambda now: now - begin
     tunnel = Tunnel(server.port)

@@ -34,10 +34,10 @@ def pad_picture(state: PadState, full_scale: float, is_old: bool = False) -> Mar
     is_old
         True to draw the pad pale, because the readings are out of date.
     """
-    is_mapped = state.status != TaxelStatus.UNMAPPED
+    opaque = np.where(state.status == TaxelStatus.UNMAPPED, 0, 255)
     return taxel_map(
-        state.pad, np.dstack((value_colours(state.values, full_scale), np.where(is_mapped, 255, 0))), state.pitch,
-        top=reading(full_scale, state.unit), hidden=np.isnan(state.values) & is_mapped,
+        state.pad, np.dstack((value_colours(state.values, full_scale), opaque)), state.pitch,
+        top=reading(full_scale, state.unit), hidden=state.hidden,
         saturated=state.status == TaxelStatus.SATURATED,
         outline=None if state.contact is None else state.contact.outline, opacity=PALE if is_old else 1.0)
 

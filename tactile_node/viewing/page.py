@@ -13,14 +13,8 @@ import numpy as np
 from tactile_node.threads import ReportedThread
 from tactile_node.viewing.chart import POINT_COLOURS, Series, chart
 from tactile_node.viewing.counts_table import HealthHistory, counts_table
-from tactile_node.viewing.page_parts import (
-    DrawnPad,
-    PageFacts,
-    Scales,
-    macros,
-    pads_html,
-    status_html,
-)
+from tactile_node.viewing.drawn_pad import DrawnPad, Scales
+from tactile_node.viewing.page_parts import PageFacts, macros, pads_html, status_html
 from tactile_node.viewing.planes import Planes
 from tactile_node.viewing.source import FORCE_HISTORY, ViewSource, ViewState
 

@@ -9,9 +9,10 @@ from tactile_node.errors import TactileError
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.threads import ReportedThread
 from tactile_node.viewing.pad_recogniser import PadRecogniser
-from tactile_node.viewing.recordings import BagRecording, LogRecording, Moment, Timeline
+from tactile_node.viewing.recordings import BagRecording, LogRecording
 from tactile_node.viewing.source import Store, ViewSource
 from tactile_node.viewing.states import PadState
+from tactile_node.viewing.timeline import Moment, Timeline
 
 RECORDING_RATE = 20.0  #: rate at which the playback position is updated [1/s]
 FRAME_GAP = 0.5  #: gap between displayed frames above which contact tracking restarts [s]

@@ -12,6 +12,7 @@ from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
 from tactile_node.assembly.health import BusHealth, NodeHealth
 from tactile_node.cia301.objects import state_name
 from tactile_node.pose.events import EventKind, Moving
+from tactile_node.taxel_frame import TaxelStatus
 
 
 class SeenContact(NamedTuple):
@@ -76,6 +77,11 @@ class PadState(NamedTuple):
     pitch: float         #: [m]
     unit: str            #: unit of the values: 'Pa', 'N' or '1'
     contact: SeenContact | None = None  #: recognised contact, or None if the source does not recognise contacts
+
+    @property
+    def hidden(self) -> np.ndarray:
+        """Mask of the taxels without a valid value, without the places where there is no taxel."""
+        return np.isnan(self.values) & (self.status != TaxelStatus.UNMAPPED)
 
 
 class GraspFacts(NamedTuple):

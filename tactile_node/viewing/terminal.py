@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_node.colour_map import PALETTE
 from tactile_node.viewing.contact_text import contact_text
-from tactile_node.viewing.page_parts import DrawnPad, Scales, said_of
+from tactile_node.viewing.drawn_pad import DrawnPad, Scales, said_of
 from tactile_node.viewing.source import ViewSource, ViewState
 from tactile_node.viewing.templates import printable_text
 
