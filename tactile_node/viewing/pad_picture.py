@@ -79,11 +79,11 @@ def taxel_map(label: str, colours: np.ndarray, pitch: float, *, top: tuple[str, 
 def reading(value: float, unit: str) -> tuple[str, str]:
     """Return a reading as number and unit.
 
-    >>> reading(81234.0, 'Pa'), reading(0.25, 'N')
-    (('81.2', 'kPa'), ('0.25', 'N'))
+    >>> reading(81234.0, 'Pa'), reading(2e6, 'Pa'), reading(0.25, 'N')
+    (('81.2', 'kPa'), ('2000', 'kPa'), ('0.25', 'N'))
     """
     factor, name = SHOWN_AS[unit]
-    return f'{factor * value:.3g}', name
+    return f'{float(f"{factor * value:.3g}"):g}', name
 
 
 def _places(mask: np.ndarray | None) -> list[list[int]]:

@@ -118,7 +118,7 @@ class PadCounts(NamedTuple):
         counts = (mine + factor * theirs for mine, theirs in zip(self[:-1], other[:-1]))
         losses = {reason: self.losses.get(reason, 0) + factor * other.losses.get(reason, 0)
                   for reason in (*self.losses, *other.losses)}
-        return PadCounts(*counts, losses=_some(losses))
+        return PadCounts._make((*counts, _some(losses)))
 
     def minus(self, other: 'PadCounts') -> 'PadCounts':
         """Return the difference between these and the ``other`` counters."""
