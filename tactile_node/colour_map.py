@@ -3,11 +3,11 @@
 Saturated taxels and taxels without a value have special colours.
 """
 
-import math
+from collections import deque
 
 import numpy as np
 
-from tactile_node.taxel_frame import PRESS_BY_UNIT, read_only
+from tactile_node.taxel_frame import ON_OFF_UNIT, PRESS_BY_UNIT, read_only
 
 #: RGB values of matplotlib's colour map inferno at 17 even steps (N. J. Smith, S. van der Walt; CC0). The lightness of
 #: inferno rises evenly.
@@ -18,6 +18,7 @@ STEPS = 256                        #: Number of different colours for values.
 
 #: Round numbers to which a scale is rounded up. The ticks of the scale use the same steps.
 ROUND_STEPS = 1.0, 2.0, 5.0, 10.0
+HELD_TIME = 10.0                   #: Time for which a peak value sets the colour scale [s].
 NO_VALUE = STEPS                   #: Colour number of a taxel without a value.
 SATURATED = STEPS + 1              #: Colour number of a taxel at the end of its range.
 NO_VALUE_RGB = (128, 128, 128)     #: Grey, which inferno does not contain.
@@ -53,49 +54,65 @@ def levels(values: np.ndarray, full_scale: float) -> np.ndarray:
     return np.rint(np.clip(np.nan_to_num(values) / full_scale, 0.0, 1.0) * (STEPS - 1)).astype(np.intp)
 
 
+def value_colours(values: np.ndarray, full_scale: float) -> np.ndarray:
+    """Return the RGB colour of each of ``values``, uint8, shape (..., 3). NaN is grey."""
+    return RGB_TABLE[np.where(np.isnan(values), NO_VALUE, levels(values, full_scale))]
+
+
 class ColourScale:
     """Assigns colour numbers to the values of one pad.
 
-    If every frame were scaled separately, noise would look as bright as a contact.
+    If every frame were scaled separately, noise would look as bright as a contact. The scale therefore follows the
+    highest value of the last HELD_TIME seconds, rounded up, and is never below the press threshold.
 
     Parameters
     ----------
-    full_scale : float
+    fixed : float
         Value shown in the brightest colour [unit of the values]. Higher values get the same colour. With 0, the scale
-        follows the highest value so far, but is never below the press threshold.
+        follows the values.
     """
 
-    def __init__(self, full_scale: float = 0.0):
-        self._fixed = full_scale
-        self._highest = 0.0
+    def __init__(self, fixed: float = 0.0):
+        self._fixed = fixed
+        self._peaks: deque[tuple[float, float]] = deque()  # stamps and values, the highest value first
 
-    def numbers(self, values: np.ndarray, saturated: np.ndarray, unit: str) -> np.ndarray:
-        """Return the colour number of each taxel.
+    def full_scale(self, values: np.ndarray, unit: str, stamp: float) -> float:
+        """Return the value shown in the brightest colour.
 
         Parameters
         ----------
         values : np.ndarray
-            Taxel values; NaN if a taxel has no valid value.
-        saturated : np.ndarray
-            Taxels at the end of their range, bool.
+            Taxel values of the present frame; NaN if a taxel has no valid value.
         unit : str
             Unit of the values.
+        stamp : float
+            Stamp of the present frame [s].
+        """
+        if self._fixed:
+            return self._fixed
+        least = 1.0 if unit == ON_OFF_UNIT else PRESS_BY_UNIT[unit]
+        peak = float(np.max(values, initial=least, where=np.isfinite(values)))
+        while self._peaks and (self._peaks[-1][1] <= peak or self._peaks[-1][0] > stamp):
+            self._peaks.pop()  # this peak can no longer become the largest
+        self._peaks.append((stamp, peak))
+        while stamp - self._peaks[0][0] > HELD_TIME:
+            self._peaks.popleft()
+        return rounded_up(self._peaks[0][1])
 
-        Returns
-        -------
-        np.ndarray
-            intp, with the shape of ``values``.
+    def numbers(self, values: np.ndarray, saturated: np.ndarray, unit: str, stamp: float) -> np.ndarray:
+        """Return the colour number of each taxel, intp.
+
+        Parameters
+        ----------
+        values, unit, stamp
+            As for `full_scale`.
+        saturated : np.ndarray
+            Taxels at the end of their range, bool.
 
         Examples
         --------
-        >>> ColourScale(100.0).numbers(np.array([-1.0, 50.0, 200.0, np.nan]), np.zeros(4, bool), 'Pa').tolist()
+        >>> ColourScale(100.0).numbers(np.array([-1.0, 50.0, 200.0, np.nan]), np.zeros(4, bool), 'Pa', 0.0).tolist()
         [0, 128, 255, 256]
         """
-        scale = self._fixed or self._following(values, unit)
+        scale = self.full_scale(values, unit, stamp)
         return np.where(np.isnan(values), NO_VALUE, np.where(saturated, SATURATED, levels(values, scale)))
-
-    def _following(self, values: np.ndarray, unit: str) -> float:
-        highest = float(np.fmax.reduce(values, axis=None, initial=0.0))
-        if math.isfinite(highest):
-            self._highest = max(self._highest, highest)
-        return max(self._highest, PRESS_BY_UNIT[unit])

@@ -15,7 +15,7 @@ from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.sources.bus_watch import OverloadWatch, SyncWatch
 from tactile_node.sources.node_monitor import NodeMonitor
-from tactile_node.sources.node_traffic import BusSeen, HeartbeatWatch, NodeTraffic, SurplusTpdos
+from tactile_node.sources.node_traffic import BusCounts, HeartbeatWatch, NodeTraffic, SurplusTpdos
 
 STEP = 0.02  # Time between two updates of the watches [s].
 DELAY = 0.5  # Delay [s].
@@ -161,7 +161,7 @@ def looks(sent: Callable[[float], int], seconds: float = 12.0) -> list[tuple[flo
     for now in times(seconds):
         while heartbeats.of(32).heartbeats < sent(now):
             heartbeats.feed(0x720, b'\x05')
-        traffic.look(now, False, pad, BusSeen(0), 0.1, DELAY)
+        traffic.look(now, False, pad, BusCounts(0), 0.1, DELAY)
         seen.append((now, traffic.are_two))
     return seen
 
@@ -188,5 +188,5 @@ def test_a_stall_excuses_a_silence_but_endless_stalls_do_not(stalls, is_reported
     faults = []
     for stall in stalls:
         now += stall
-        faults.append(monitor.detect(now, False, pad, BusSeen(0, is_overloaded=True, ran_again=now)))
+        faults.append(monitor.detect(now, False, pad, BusCounts(0, is_overloaded=True, ran_again=now)))
     assert (faults[-1] is NodeFault.SILENT) == is_reported, faults

@@ -21,7 +21,7 @@ from tactile_node.assembly.health import BusHealth, NodeHealth  # noqa: E402
 from tactile_node.cia301.objects import NmtState  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
 from tactile_node.ros.status_message import status_message  # noqa: E402
-from tactile_node.viewing.health_table import health_table  # noqa: E402
+from tactile_node.viewing.counts_table import counts_table  # noqa: E402
 from tactile_node.viewing.states import facts_of, facts_of_status  # noqa: E402
 from tactile_skin.msg import NodeStatus, PadStatus, SkinStatus  # noqa: E402
 
@@ -74,7 +74,7 @@ def test_a_loss_of_the_bus_warns_and_is_in_the_view(monkeypatch):
     diagnostics, status = sent()
     assert diagnostics.status[0].level == DiagnosticStatus.WARN and lost.name in diagnostics.status[0].message
     for facts in (facts_of(COUNTS, HEALTH), facts_of_status(status)):
-        assert facts.counts == {lost.name: 77} and 'poll overruns</td><td>77' in health_table(facts)
+        assert facts.counts == {lost.name: 77} and 'poll overruns</td><td>77' in counts_table(facts)
 
 
 @pytest.mark.parametrize(('message', 'tables'), [

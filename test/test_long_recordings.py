@@ -33,8 +33,9 @@ from tactile_node.logs.topic_bag import TopicBagReader
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.recordings import BagRecording, Timeline
+from tactile_node.viewing.recordings import BagRecording
 from tactile_node.viewing.report_page import page_of
+from tactile_node.viewing.timeline import Timeline
 
 mcap = pytest.importorskip('mcap.writer')
 rosbags = pytest.importorskip('rosbags.rosbag2')

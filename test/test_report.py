@@ -15,11 +15,12 @@ from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.skin.pads import make_pads
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.viewing.charts import thin
+from tactile_node.viewing.chart import thin
 from tactile_node.viewing.findings import Remark, findings
-from tactile_node.viewing.log_report import LogReporter
+from tactile_node.viewing.log_reporter import LogReporter
 from tactile_node.viewing.model import KEPT_ENTRIES, Ends, LongestGaps
 from tactile_node.viewing.node_record import BusRecord, NodeRecords
+from tactile_node.viewing.report_page import page_of
 from tactile_node.viewing.status_record import StatusRecord
 from tactile_node.viewing.taxel_record import Mark, TaxelHealth, marks_of, no_value_share
 from tactile_node.viewing.touch import MOST_PICTURES
@@ -63,17 +64,17 @@ def test_touches_of_a_session_with_their_size(whole):
 
     The expected areas are the areas of the outlines.
     """
-    order = [Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE]
+    order = ['circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle']
     for pad in whole.pads:
-        assert [touch.shape for touch in pad.touches] == order and pad.touches.left_out == 0
-        sizes = [dict(touch.dimensions) for touch in pad.touches]
+        assert [touch.contact.shape for touch in pad.touches] == order and pad.touches.left_out == 0
+        sizes = [dict(touch.contact.dimensions) for touch in pad.touches]
         areas = [np.pi * sizes[0]['radius']**2, sizes[1]['side']**2, sizes[2]['long'] * sizes[2]['short'],
                  sizes[3]['long_leg'] * sizes[3]['short_leg'] / 2, sizes[4]['base'] * sizes[4]['height'] / 2]
         np.testing.assert_allclose(areas, 60 * 0.002**2, rtol=0.05)
         for before, after in zip(pad.touches, pad.touches[1:]):
             assert before.begin < before.end < after.begin
-        assert all(touch.confidence > 0.9 and touch.picture.fit is not None for touch in pad.touches)
-        assert (pad.frames, pad.incomplete, pad.lost_frames, pad.losses) == (120, 0, 0, ())
+        assert all(touch.contact.confidence > 0.9 and touch.contact.outline is not None for touch in pad.touches)
+        assert (pad.frames, pad.incomplete, pad.lost_frames, pad.counts.losses) == (120, 0, 0, {})
 
 
 def test_devices_and_bus_of_a_session(whole):
@@ -81,8 +82,10 @@ def test_devices_and_bus_of_a_session(whole):
     node = whole.nodes[0]
     assert node.objects[0x1018, 1] == (bytes.fromhex('C1050000'),)
     assert (0x1008, 0) not in node.objects and (0x1018, 4) not in node.objects
-    assert [change.state for change in node.nmt] == [0x00, 0x05] and node.heartbeats == 48
-    assert [command.command for command in whole.bus.commands] == [0x80, 0x80, 0x01, 0x01, 0x80, 0x80]
+    assert [change.text for change in node.nmt] == ['BOOT-UP', 'OPERATIONAL'] and node.heartbeats == 48
+    # The driver sends PRE-OPERATIONAL, OPERATIONAL and PRE-OPERATIONAL to each node.
+    assert [command.text.rpartition(' to ')[2] for command in whole.bus.commands] == 3 * ['node 32', 'node 64']
+    assert len({command.text for command in whole.bus.commands}) == 4
     # The bus carries 25 sweeps a second, each with a SYNC of at most 55 bits and 64 TPDOs of 135 bits. Each node adds
     # ten heartbeats a second, each with one byte and 65 bits.
     assert whole.bus.load.bit_rates[3] == 25 * (55 + 64 * 135) + 20 * 65
@@ -114,12 +117,15 @@ def test_faults_inserted_into_a_log_are_found(tmp_path):
         out += changed[k]
     report = report_of(logged(tmp_path / 'x.log', out))
     left, right = report.pads
-    assert dict(left.losses) == {'duplicate': 1, 'short': 1} and right.losses == ()
+    assert left.counts.losses == {'duplicate': 1, 'short': 1} and right.counts.losses == {}
     assert (left.frames, left.incomplete, right.incomplete) == (28, 2, 0)
+    assert left.counts.received == left.counts.used + 2  # Each received TPDO was used or lost.
+    assert '<tr class=bad><td>lost: duplicate</td><td>1</td></tr>' in page_of(report)
     node5, node32, node64 = report.nodes
     assert node32.objects[0x1008, 0] == (b'<script>alert(1)',)
-    assert [(each.code, each.register) for each in node32.emergencies] == [(0x4210, 0x09)]
-    assert [change.state for change in node64.nmt].count(0) == 2
+    error, = node32.emergencies
+    assert error.text.startswith('EMCY 0x4210') and 'generic, temperature' in error.text and error.is_problem
+    assert [change.text for change in node64.nmt].count('BOOT-UP') == 2 and node64.restarts == 1
     assert node5.pad is None and node5.heartbeats == 1 and node5.objects == {}
     expected = {(Remark.LOST_CAN_FRAMES, 'pad32'): 2, (Remark.INCOMPLETE, 'pad32'): 2,
                 (Remark.EMERGENCIES, '32'): 1, (Remark.BOOTED_AGAIN, '64'): 1, (Remark.NODE_OF_NO_PAD, '5'): 1}
@@ -165,10 +171,10 @@ def test_taxels_of_another_node_are_not_given(tmp_path):
     """With node-ID 33, most TPDOs of node 32 would match the layout."""
     log = logged(tmp_path / 'x.log', session())
     pad, = report_of(log, node_ids=(33,)).pads
-    assert pad.strangers == (32,) and pad.statistics.used > 0 and not pad.touches and pad.health is None
+    assert pad.strangers == (32,) and pad.counts.used > 0 and not pad.touches and pad.health is None
     report = report_of(log, node_ids=(9,))
     pad, = report.pads
-    assert pad.statistics.used == 0 and not pad.touches and pad.strangers == ()
+    assert pad.counts.used == 0 and not pad.touches and pad.strangers == ()
     assert (Remark.NO_TAXELS, 'pad9') in found_in(report)
     silent = next(node for node in report.nodes if node.node_id == 9)
     assert silent.heartbeats == 0 and not silent.nmt and silent.longest_pause is None
@@ -215,7 +221,7 @@ def touches_of(frames, period=0.02):
 
     Each frame is a pair of values and status, or None for a time without a frame.
     """
-    finder = ReportedTouchFinder(make_recogniser(), 0.004, 'Pa')
+    finder = ReportedTouchFinder('left', 0.004, 'Pa', make_recogniser())
     for k, pair in enumerate(frames):
         if pair is not None:
             finder.feed(TaxelFrame(BEGIN + k * period, k, *pair, 0))
@@ -228,7 +234,8 @@ def test_a_touch_begins_and_ends_with_its_contact():
     first, second = found
     assert (first.frames, second.frames, first.is_open, second.is_open) == (6, 3, False, True)
     assert first.begin == pytest.approx(BEGIN + 0.2) and first.end == pytest.approx(BEGIN + 0.3)
-    assert first.force == pytest.approx(16 * 50e3 * 0.004**2, rel=1e-3) and second.taxels == 25
+    assert first.contact.force == pytest.approx(16 * 50e3 * 0.004**2, rel=1e-3)
+    assert second.contact.mask.sum() == 25 and second.picture.values.max() == np.float32(80e3)
 
 
 def test_a_frame_in_which_the_pad_is_not_seen_ends_no_touch():
@@ -261,11 +268,11 @@ def test_force_over_time_is_that_of_the_whole_contact():
     """A column without load splits a square of 8 x 8 taxels into 8 x 5 and 8 x 2 taxels of 50 kPa and 16 mm²."""
     values, status = pressed(8)
     values[:, 10] = 0
-    finder = ReportedTouchFinder(Joining(), 0.004, 'Pa')
+    finder = ReportedTouchFinder('left', 0.004, 'Pa', Joining())
     finder.feed(TaxelFrame(BEGIN, 0, values, status, 0))
     finder.end()
     assert finder.samples[0].force == pytest.approx(56 * 50e3 * 16e-6)
-    assert finder.found[0].force == pytest.approx(56 * 50e3 * 16e-6)
+    assert finder.found[0].contact.force == pytest.approx(56 * 50e3 * 16e-6)
 
 
 @pytest.mark.slow
@@ -303,17 +310,18 @@ class Status:
 def status(load=0.3, level=1, message='', late=0, emcy=0, nmt=5):
     node = Status(node_id=32, nmt_state=nmt, fault_text='', emcy_count=emcy, emcy_last='EMCY 0x4210', emcy_active='')
     pad = Status(pad='left', level=1, message='', loss_reasons=['late', 'short'], loss_counts=np.array([late, 7]),
-                 nodes=[node])
+                 nodes=[node], frames_complete=9, frames_incomplete=0, tpdos_expected=99, tpdos_received=99,
+                 tpdos_used=80)
     return Status(bus_load=load, level=level, message=message, failure='', pads=[pad])
 
 
 def test_counts_of_the_driver_are_those_within_the_recording():
     record = StatusRecord()
     for k, each in enumerate((status(late=5, emcy=2), status(late=8, emcy=3), status(late=1, emcy=0))):
-        record.feed_status(BEGIN + k, each)
+        record.feed(BEGIN + k, each)
     # The count of late TPDOs rises by 3. The driver then restarts, and its new count of 1 is added.
-    assert dict(record.losses('robot/left')) == {'late': 4, 'short': 7}
-    assert record.losses('right') is None
+    assert record.counts('robot/left').losses == {'late': 4, 'short': 7}
+    assert record.counts('right') is None
     node, = record.nodes()
     assert node.emergencies.count == 1 and [each.text for each in node.emergencies] == ['EMCY 0x4210']
     assert node.objects == {} and node.heartbeats is None
@@ -322,7 +330,7 @@ def test_counts_of_the_driver_are_those_within_the_recording():
 def test_reports_of_the_driver_are_listed_when_they_change():
     record = StatusRecord()
     for k, (level, message) in enumerate([(1, ''), (3, 'no frames'), (3, 'no frames'), (1, '')]):
-        record.feed_status(BEGIN + k, status(level=level, message=message))
+        record.feed(BEGIN + k, status(level=level, message=message))
     assert [(each.stamp, each.is_problem) for each in record.bus().reported] == [(BEGIN + 1, True), (BEGIN + 3, False)]
     np.testing.assert_allclose(record.bus().load.shares, 0.3)
     nothing = StatusRecord()
@@ -353,5 +361,5 @@ def test_memory_is_bounded():
     for k in range(200):
         gaps.feed(k * k)
     assert gaps.count == 199 and [gap.seconds for gap in gaps] == [2 * k + 1 for k in range(149, 199)]
-    kept = thin(np.r_[np.zeros(5000), 9, np.zeros(5000)], keep_highest=True)
+    kept = thin(np.r_[np.zeros(5000), 9, np.zeros(5000)])
     assert len(kept) <= 900 and 5000 in kept

@@ -3,14 +3,16 @@
 The page names the facts that the recording does not contain. Pages made from bags are tested, too.
 """
 
+import re
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.metadata import version
 from threading import Event
 
 import numpy as np
 import pytest
-from test_report import BEGIN, NAME_UPLOAD, SESSION, logged, report_of, session
+from test_report import BEGIN, NAME_UPLOAD, SESSION, logged, report_of, session, status
 from test_topic_bag import TAXELS, bag, mcap_file, store, taxel_array
 
 from tactile_node.cli.main import main
@@ -19,13 +21,17 @@ from tactile_node.logs.bag_records import message_count
 from tactile_node.logs.topic_bag import DIAGNOSTICS
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.taxel_frame import TaxelStatus
+from tactile_node.viewing.bag_reporter import BagReporter
 from tactile_node.viewing.findings import Remark, findings
-from tactile_node.viewing.log_report import BagReporter
-from tactile_node.viewing.model import Kind
-from tactile_node.viewing.report_page import ABSENT_TEXT, TAUGHT_COLOUR, page_of
+from tactile_node.viewing.report_page import TAUGHT_COLOUR, page_of
+from tactile_node.viewing.reported_file import Kind
+from tactile_node.viewing.status_record import StatusRecord
+from tactile_node.viewing.templates import ABSENT_TEXT
 
 pytest.importorskip('jinja2')
 WRITES_COUNTS = version('rosbags') >= '0.11'
+#: The page permits its own styles and pictures, and nothing else.
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 VOID = {'meta', 'br', 'path', 'rect', 'polygon', 'polyline'}
 NAN = float('nan')
 
@@ -62,9 +68,12 @@ def check_alone(text):
     assert not page.open
     assert not {'script', 'link', 'iframe', 'object', 'embed', 'base', 'form', 'img'} & set(page.tags)
     names = {name for name, _ in page.attributes}
-    assert not names & {'src', 'href', 'xlink:href', 'srcset', 'action', 'data'} and not any(
+    assert not names & {'src', 'xlink:href', 'srcset', 'action', 'data'} and not any(
         name.startswith('on') for name in names)
-    assert not any('//' in (value or '') for _, value in page.attributes)
+    pictures = [value for name, value in page.attributes if name == 'href']
+    assert all(re.fullmatch('data:image/png;base64,[A-Za-z0-9+/]+=*', value) for value in pictures)
+    others = {value or '' for name, value in page.attributes if name != 'href'} - {POLICY}
+    assert not any('//' in value or 'data:' in value for value in others)
     assert '@import' not in text and 'url(' not in text
     return page
 
@@ -120,25 +129,33 @@ def test_a_bag_of_taxel_arrays(tmp_path):
     pad, = report.pads
     assert (pad.name, pad.frames, pad.incomplete, pad.lost_frames) == ('left', 30, 15, 1)
     touch, = pad.touches
-    assert touch.shape is Shape.SQUARE and touch.is_open and touch.begin == pytest.approx(BEGIN + 0.2)
-    assert touch.force == pytest.approx(25 * 60e3 * 0.004**2, rel=1e-3)
+    assert touch.contact.shape == 'square' and touch.is_open and touch.begin == pytest.approx(BEGIN + 0.2)
+    assert touch.contact.force == pytest.approx(25 * 60e3 * 0.004**2, rel=1e-3)
     assert pad.health.by_status[TaxelStatus.STALE, 0, 1] == 15 and pad.health.by_status[TaxelStatus.DEAD, 0, 0] == 30
     assert report.recording.kind is Kind.TOPICS and report.recording.end == pytest.approx(BEGIN + 0.58)
     assert report.nodes is None and report.bus.can_frames is None and report.bus.load is None
-    assert pad.losses is None and pad.layout is None and pad.statistics is None
+    assert pad.counts is None and pad.layout is None
     found = {each.finding: each.number for each in findings(report)}
     assert found == {Remark.LOST_FRAMES: 1, Remark.INCOMPLETE: 15, Remark.FAULTY_TAXELS: 1}
     texts = check_alone(page_of(report)).texts
     assert texts.count(ABSENT_TEXT) >= 8
 
 
-def test_diagnostics_of_any_program_are_escaped(tmp_path):
+def test_diagnostics_of_another_program_are_not_reported_as_the_driver_s(tmp_path):
     kinds = store().types
     header = kinds['std_msgs/msg/Header'](kinds['builtin_interfaces/msg/Time'](BEGIN, 0), '')
-    status = kinds['diagnostic_msgs/msg/DiagnosticStatus'](2, '<img src=x onerror=alert(3)>', 'fell over', '', [])
+    status = kinds['diagnostic_msgs/msg/DiagnosticStatus'](2, 'camera', 'fell over', '', [])
     messages = [('/left/taxels', message) for message in frames(3)]
     messages.append(('/diagnostics', kinds[DIAGNOSTICS](header, [status])))
     report = reported(bag(tmp_path / 'bag', messages, topics=(('/left/taxels', TAXELS), ('/diagnostics', DIAGNOSTICS))))
+    assert report.bus.reported is None and 'fell over' not in page_of(report)
+
+
+def test_what_the_driver_reports_is_escaped(tmp_path):
+    record = StatusRecord()
+    record.feed(BEGIN, status(level=3, message='<img src=x onerror=alert(3)>'))
+    report = reported(bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames(3)]))
+    report = replace(report, bus=record.bus())
     change, = report.bus.reported
     assert change.is_problem and (Remark.REPORTED, 1) in {(each.finding, each.number) for each in findings(report)}
     assert any('<img src=x' in text for text in check_alone(page_of(report)).texts)
@@ -168,7 +185,7 @@ def test_shapes_that_were_taught_are_named_and_drawn(tmp_path):
     path = tmp_path / 'session.log'
     path.write_text('\n'.join(session()) + '\n')
     page = page_of(report_of(path, node_ids=(32,), recogniser=Plug()))
-    assert '<b>1. my plug</b>' in page and f'<path stroke="{TAUGHT_COLOUR}"' in page and '</i>my plug<' in page
+    assert '<b>1. my plug</b>' in page and f'stroke="{TAUGHT_COLOUR}"' in page and '</i>my plug<' in page
 
 
 def test_a_model_that_is_missing_is_an_error(tmp_path, capsys):

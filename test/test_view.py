@@ -1,5 +1,6 @@
 """The viewer must not present old, hidden or unknown data to its user as a measurement."""
 
+import base64
 import io
 import re
 import time
@@ -16,33 +17,40 @@ from tactile_node.assembly.health import BusFault, BusHealth, Failure, NodeFault
 from tactile_node.colour_map import PALETTE, levels
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.viewing.charts import force_chart
-from tactile_node.viewing.health_table import HealthHistory, health_table
-from tactile_node.viewing.heat_map import heat_map, words
+from tactile_node.viewing.contact_text import contact_text
+from tactile_node.viewing.counts_table import HealthHistory, counts_table
+from tactile_node.viewing.drawn_pad import OLD_AGE, Scales
+from tactile_node.viewing.pad_picture import pad_picture
+from tactile_node.viewing.pad_recogniser import PadRecogniser
+from tactile_node.viewing.page import force_chart
 from tactile_node.viewing.page_parts import (
     FRAME_TIME,
-    OLD_AGE,
-    FullScale,
     PageFacts,
-    Scales,
     clock_difference,
     fresh_for,
     macros,
     pads_html,
     status_html,
 )
-from tactile_node.viewing.recordings import Timeline
 from tactile_node.viewing.source import MOST_FORCE_POINTS, Store
-from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadFacts, facts_of
+from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadCounts, PadFacts, facts_of
 from tactile_node.viewing.terminal import show_in_terminal
-from tactile_node.viewing.touch_finder import PadRecogniser
+from tactile_node.viewing.timeline import Timeline
 
 pytest.importorskip('jinja2')
-LIVE = PageFacts('by hand', None, '', 20.0, 0.05, scene_age=0.1)
+LIVE = PageFacts('by hand', None, '', 20.0, 0.05)
 
 
 def parts(svg, tag):
-    return [element for element in fromstring(svg).iter() if element.tag.endswith(f'}}{tag}')]
+    return [element for element in fromstring(svg).iter() if element.tag == tag]
+
+
+def pixels(svg):
+    """Return the colours of the taxels in a picture, row 0 first, as the library Pillow reads them."""
+    image = pytest.importorskip('PIL.Image')
+    address = parts(svg, 'image')[0].get('href')
+    content = base64.b64decode(address.removeprefix('data:image/png;base64,'))
+    return np.asarray(image.open(io.BytesIO(content)).convert('RGBA'))[::-1]
 
 
 def drawn(age, **changed):
@@ -85,11 +93,20 @@ def test_going_back_in_a_recording_begins_the_force_again():
 def test_a_taxel_without_a_value_is_marked_and_not_the_colour_of_no_load():
     values = np.full((4, 4), 50e3)
     values[:, :2] = NAN  # Half of the pad is hidden.
-    svg = heat_map(state(values=values), 100e3)
-    squares = next(path for path in parts(svg, 'path') if path.get('class') == 'no-value')
-    assert squares.get('d').count('M') == 8
-    assert squares.get('fill') not in [f'#{r:02x}{g:02x}{b:02x}' for r, g, b in PALETTE.tolist()]
+    svg = pad_picture(state(values=values), 100e3)
+    crosses = next(path for path in parts(svg, 'path') if path.get('class') == 'no-value')
+    assert crosses.get('d').count('M') == 8
+    colours = pixels(svg)[:, :2].reshape(-1, 4)
+    assert len(colours) == 8 and not {tuple(colour[:3]) for colour in colours} & {tuple(colour) for colour in PALETTE}
     assert '8 of 16 taxels without a value' in pads_html([drawn(0.1, values=values)], 1)
+
+
+def test_a_picture_has_row_0_at_the_bottom_and_nothing_where_there_is_no_taxel():
+    values, status = np.zeros((2, 3)), np.full((2, 3), TaxelStatus.VALID, np.uint8)
+    values[0, 2], values[1, 0], status[1, 0] = 100e3, NAN, TaxelStatus.UNMAPPED
+    found = pixels(pad_picture(state(values=values, status=status), 100e3))
+    assert found.shape == (2, 3, 4) and found[0, 2].tolist() == [*PALETTE[-1], 255]
+    assert found[0, 0].tolist() == [*PALETTE[0], 255] and found[1, 0, 3] == 0
 
 
 def test_the_outline_lies_on_the_taxels_that_it_encloses():
@@ -97,7 +114,7 @@ def test_the_outline_lies_on_the_taxels_that_it_encloses():
 
     The unit of the expected points is one taxel, and row 0 is at the bottom.
     """
-    outline, = parts(heat_map(state(), 100e3), 'polygon')
+    outline, = parts(pad_picture(state(), 100e3), 'polygon')
     assert outline.get('points') == '1.500,2.500 3.500,2.500 3.500,0.500 1.500,0.500'
 
 
@@ -119,7 +136,7 @@ def test_names_from_topics_are_text_and_not_html():
 
 def test_a_failure_of_the_bus_is_text_and_not_html():
     """The text of a bus failure may contain words from a log or an adapter."""
-    assert '<img' not in health_table(BusFacts('<img src=x onerror=alert(1)>', 0.1, {}, ()))
+    assert '<img' not in counts_table(BusFacts('<img src=x onerror=alert(1)>', 0.1, {}, ()))
 
 
 def test_a_force_of_saturated_taxels_is_a_lower_bound():
@@ -127,7 +144,7 @@ def test_a_force_of_saturated_taxels_is_a_lower_bound():
     values[4:11, 4:11], status[4:11, 4:11] = 50e3, TaxelStatus.SATURATED
     pad = PadRecogniser('left', 0.004, 'Pa', make_recogniser())
     seen = [pad.state(TaxelFrame(k / 50, k, values, status, 0), 0.0) for k in range(3)][-1].contact
-    assert seen.force_is_bound and seen.size_is_bound and f'≥ {49 * 50e3 * 0.004 ** 2:.2f} N' in words(seen)
+    assert seen.force_is_bound and seen.size_is_bound and f'≥ {49 * 50e3 * 0.004 ** 2:.2f} N' in contact_text(seen)
 
 
 def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():
@@ -138,15 +155,6 @@ def test_a_skin_of_whole_pascals_that_reads_0_and_1_is_shown():
     assert PadRecogniser('left', 0.004, 'Pa', make_recogniser()).state(frame, 0.0).contact.shape == 'none'
 
 
-def test_the_scale_follows_the_largest_reading_and_forgets_it():
-    scale = FullScale('Pa')
-    assert scale.update(np.array([1e3, NAN]), 0.0) == 50e3  # The full scale is never less than the press threshold.
-    assert scale.update(np.array([130e3]), 1.0) == 200e3
-    assert scale.update(np.array([1e3]), 5.0) == 200e3
-    assert scale.update(np.array([1e3]), 12.0) == 50e3
-    assert FullScale('Pa', 80e3).update(np.array([130e3]), 0.0) == 80e3
-
-
 def test_colours_rise_in_brightness():
     every_fourth = PALETTE[::4].astype(int)  # Rounding to integers may hide the increase from one colour to the next.
     assert (np.diff(every_fourth @ (299, 587, 114)) > 0).all()
@@ -155,9 +163,9 @@ def test_colours_rise_in_brightness():
 
 def test_a_gap_in_the_force_is_not_bridged():
     stamps = np.array([0.0, 0.1, 5.0, 5.1, 5.2])
-    chart = force_chart({'left': np.array([stamps, [1, 1, 2, NAN, 2]])}, 6.0)
+    chart = force_chart([np.array([stamps, [1, 1, 2, NAN, 2]])], 6.0)
     assert type(chart) is str  # A page stops working if the server sends it any other type.
-    line = chart.split('class="line"')[1].split(' d="')[1].split('"')[0]
+    line = chart.split('class="series"')[1].split(' d="')[1].split('"')[0]
     # The chart omits the NaN, and a pause of 0.2 s is too short to be a gap.
     assert line.count('M') == 2 and line.count('L') == 2
 
@@ -234,9 +242,8 @@ def test_only_pads_and_status_line_show_whether_a_pad_is_live():
     """
     source, browser = HandSource(['left']), Sent()
     source.store.put(state())
-    source.store.put_bus(BusFacts('', 0.3, {}, (PadFacts('left', 9, 0, 9, 9, {}),)))
+    source.store.put_bus(BusFacts('', 0.3, {}, (PadFacts('left', PadCounts(9, 0, 9, 9, 9)),)))
     page = page_of(source, browser)
-    page._scene_due = float('inf')  # With the scene postponed, the next update is that of the chart and the tables.
     page.start()
     until(lambda: browser.client.flush.call_count == 1, 60)
     page.taken(1)
@@ -256,14 +263,14 @@ def test_a_status_line_that_has_become_old_in_the_browser_is_not_empty():
 
 def test_bus_and_nodes_do_not_contradict_a_dead_pad():
     silent = NodeFacts(32, 'OPERATIONAL', 14.0, 'it sends neither heartbeat nor taxels', '')
-    facts = BusFacts('', 0.0, {}, (PadFacts('left', 1, 0, 2, 2, {}, (silent,)),))
-    rows = rows_of(health_table(facts))
+    facts = BusFacts('', 0.0, {}, (PadFacts('left', PadCounts(1, 0, 2, 2, 2), (silent,)),))
+    rows = rows_of(counts_table(facts))
     assert rows['<b>left</b>'] == ''
     assert rows['bus'] == 'nodes with a fault: 1'
     assert rows['node 32'].startswith('it sends neither heartbeat nor taxels')
     well = facts._replace(pads=(facts.pads[0]._replace(nodes=(silent._replace(fault=''),)),))
-    assert 'class=bad' not in health_table(well)
-    died = health_table(well, 12.0)  # The driver has died, so the states of its bus and nodes are unknown.
+    assert 'class=bad' not in counts_table(well)
+    died = counts_table(well, 12.0)  # The driver has died, so the states of its bus and nodes are unknown.
     assert 'no failure' not in died and 'OPERATIONAL' not in died
 
 
@@ -311,15 +318,6 @@ def test_a_source_forgets_its_data_when_it_stops():
     assert 'this source has no grasp' in macros().grasp(store.shown().grasp, NAN, NAN)
 
 
-# --- The 3-D view
-
-
-@pytest.mark.parametrize('age, is_current', [(0.9, True), (1.1, False), (float('inf'), False), (NAN, False)])
-def test_the_sketch_is_covered_unless_it_is_current_by_its_own_receipt(age, is_current):
-    shown = status_html(LIVE._replace(scene_age=age), [drawn(0.05)], 0, 1)
-    assert ('tactile-scene-current' in shown) is is_current
-
-
 def test_stamps_of_another_time_are_reported_as_a_replay():
     """A replay publishes stamps from its log, which lie in the past."""
     behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
@@ -333,7 +331,7 @@ def test_stamps_of_another_time_are_reported_as_a_replay():
 def test_a_status_that_is_no_longer_sent_is_marked_as_old():
     """The driver died after its last message, which reported no failure."""
     well = BusFacts('', 0.1, {}, ())
-    assert 'OLD: nothing newer for 12 s' in health_table(well, 12.0) and 'OLD' not in health_table(well, 1.1)
+    assert 'OLD: nothing newer for 12 s' in counts_table(well, 12.0) and 'OLD' not in counts_table(well, 1.1)
     store = Store(['left'])
     store.put_bus(well, 12.0)
     assert time.monotonic() - store.shown().bus_acquired == pytest.approx(12, abs=1)
@@ -353,19 +351,20 @@ def test_the_age_of_a_status_in_a_recording_is_that_at_its_time():
 
 def counted(lost, expected, overruns=0):
     return BusFacts('', 0.1, {'queue_overruns': overruns} if overruns else {}, (
-        PadFacts('left', expected - lost, lost, expected, expected - lost, {'late': lost} if lost else {}),))
+        PadFacts('left', PadCounts(expected - lost, lost, expected, expected, expected - lost,
+                                   {'late': lost} if lost else {})),))
 
 
 def test_a_loss_is_red_for_a_minute():
     history, lost, later = HealthHistory(), counted(7, 200, 3), counted(7, 5000, 3)
     history.before(counted(0, 100), 1000.0)
-    table = health_table(lost, before=history.before(lost, 1001.0))
+    table = counts_table(lost, before=history.before(lost, 1001.0))
     assert 'class=bad' in table and rows_of(table)['lost: late'] == '7 (7 in 1 s)'
     assert rows_of(table)['queue overruns'] == '3 (3 in 1 s)'
     history.before(lost, 1001.5)  # A page asks for the history more often than status messages arrive.
-    table = health_table(later, before=history.before(later, 1061.6))
+    table = counts_table(later, before=history.before(later, 1061.6))
     assert 'class=bad' not in table and rows_of(table)['lost: late'] == '7 (0 in 60 s)'
-    assert 'class=bad' in health_table(later)  # For a recording, the table shows all losses since its beginning.
+    assert 'class=bad' in counts_table(later)  # For a recording, the table shows all losses since its beginning.
 
 
 def test_restarted_counters_are_not_compared_with_earlier_ones():
@@ -373,7 +372,7 @@ def test_restarted_counters_are_not_compared_with_earlier_ones():
     history = HealthHistory()
     for stamp, facts in enumerate((counted(7, 5000), counted(9, 90), counted(12, 190))):
         before = history.before(facts, float(stamp))
-    assert rows_of(health_table(facts, before=before))['lost: late'] == '12 (3 in 1 s)'
+    assert rows_of(counts_table(facts, before=before))['lost: late'] == '12 (3 in 1 s)'
 
 
 def test_losses_are_listed_by_reason():
@@ -382,11 +381,11 @@ def test_losses_are_listed_by_reason():
     node = NodeHealth(32, 5, True, 0.1, NodeFault.TWO_SENDERS)
     facts = facts_of(BusStatistics({'left': pad}, {}, queue_overruns=3),
                      BusHealth(Failure(BusFault.BUS_OFF, 'wire cut'), nodes={'left': (node,)}))
-    assert facts.pads[0].losses == {'late': 7} and facts.counts == {'queue_overruns': 3}
-    table = health_table(facts)
+    assert facts.pads[0].counts.losses == {'late': 7} and facts.counts == {'queue_overruns': 3}
+    table = counts_table(facts)
     for said in ('lost: late</td><td>7', '8 missing', 'queue overruns</td><td>3', 'wire cut', 'two devices send'):
         assert said in table
-    assert 'no bus status' in health_table(None)
+    assert 'no bus status' in counts_table(None)
 
 
 # --- Recordings on disk
@@ -524,7 +523,7 @@ def test_a_point_lies_on_the_side_of_the_curve_that_the_classifier_takes():
 
     The point of the bar must lie in the area above the first curve.
     """
-    from tactile_node.viewing.pads_3d import Planes
+    from tactile_node.viewing.planes import Planes
     mask = np.zeros((16, 16), bool)
     mask[6:9, 2:14] = True
     pictures = Planes().pictures({0: mask}).split('class="tactile-planes">')[1]

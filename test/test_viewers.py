@@ -117,13 +117,24 @@ def test_a_taxel_without_a_plain_value_has_a_colour_that_no_value_has(number):
     assert np.linalg.norm(others - table[number], axis=1).min() > 50
 
 
-def test_noise_is_dark_and_a_scale_that_has_grown_stays():
+def test_noise_is_dark_and_a_scale_holds_its_peak_for_ten_seconds():
     scale, whole = ColourScale(), np.zeros((1, 2), bool)
-    # 600 Pa of a full scale of 30 kPa is level 5 of 255.
-    assert scale.numbers(np.array([[0.0, 600.0]]), whole, 'Pa').max() <= 6
-    assert scale.numbers(np.array([[0.0, 60e3]]), whole, 'Pa').tolist() == [[0, 255]]
-    assert scale.numbers(np.array([[NAN, 30e3]]), whole, 'Pa').tolist() == [[NO_VALUE, 128]]
-    assert ColourScale().numbers(np.array([[0.0, 1.0]]), whole, '1').tolist() == [[0, 255]]
+    # The press threshold of 30 kPa is rounded up to 50 kPa, of which 600 Pa is level 3 of 255.
+    assert scale.numbers(np.array([[0.0, 600.0]]), whole, 'Pa', 0.0).max() <= 6
+    assert scale.numbers(np.array([[0.0, 100e3]]), whole, 'Pa', 1.0).tolist() == [[0, 255]]
+    assert scale.numbers(np.array([[NAN, 50e3]]), whole, 'Pa', 10.9).tolist() == [[NO_VALUE, 128]]
+    assert scale.numbers(np.array([[NAN, 50e3]]), whole, 'Pa', 11.1).tolist() == [[NO_VALUE, 255]]
+    assert ColourScale().numbers(np.array([[0.0, 1.0]]), whole, '1', 0.0).tolist() == [[0, 255]]
+
+
+def test_the_scale_is_rounded_up_and_follows_the_largest_reading():
+    scale = ColourScale()
+    assert scale.full_scale(np.array([1e3, NAN]), 'Pa', 0.0) == 50e3
+    assert scale.full_scale(np.array([130e3, np.inf]), 'Pa', 1.0) == 200e3
+    assert scale.full_scale(np.array([1e3]), 'Pa', 5.0) == 200e3
+    assert scale.full_scale(np.array([1e3]), 'Pa', 12.0) == 50e3
+    assert scale.full_scale(np.array([NAN]), 'Pa', 3.0) == 50e3  # A recording was moved back.
+    assert ColourScale(80e3).full_scale(np.array([130e3]), 'Pa', 0.0) == 80e3
 
 
 # --- Wrench

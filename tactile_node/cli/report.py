@@ -23,10 +23,11 @@ from tactile_node.interruption import interruption
 from tactile_node.logs.bag_records import message_count
 from tactile_node.logs.series import files_of
 from tactile_node.logs.topic_bag import CAN_TYPE as CAN_FRAMES
-from tactile_node.logs.topic_bag import DIAGNOSTICS, STATUS, TAXELS, holds_taxels
+from tactile_node.logs.topic_bag import STATUS, TAXELS, holds_taxels
 from tactile_node.output_file import check_writable, output_file
+from tactile_node.viewing.bag_reporter import BagReporter
 from tactile_node.viewing.findings import findings
-from tactile_node.viewing.log_report import BagReporter, LogReporter
+from tactile_node.viewing.log_reporter import LogReporter
 from tactile_node.viewing.report_page import page_of
 
 
@@ -62,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _total(log: str) -> int | None:
     """Return the number of messages for the progress bar, or None if no bar is shown."""
-    return message_count(log, (CAN_FRAMES, TAXELS, STATUS, DIAGNOSTICS)) if sys.stderr.isatty() else None
+    return message_count(log, (CAN_FRAMES, TAXELS, STATUS)) if sys.stderr.isatty() else None
 
 
 def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:

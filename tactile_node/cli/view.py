@@ -55,7 +55,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_model_option(parser)
     parser.add_argument('--namespace', default='', help='namespace of the topics')
     parser.add_argument('--terminal', action='store_true', help='draw on the terminal instead of serving a page')
-    add_number(parser, '--full-scale', limits={'above': 0, 'remedy': 'For example 100e3.'}, metavar='READING',
+    add_number(parser, '--full-scale', limits={'above': 0, 'remedy': 'For example 100e3.'}, default=0.0,
+               metavar='READING',
                help="reading that gets the brightest colour, in the pad's unit (default: the largest of the last 10 s)")
     parser.add_argument('--port', type=int, default=DEFAULT_PORT, help='TCP port of the page; 0: any free port '
                         '(default: %(default)s)')
@@ -92,7 +93,7 @@ def source_of(args: argparse.Namespace) -> ViewSource:
 
 
 def _recording_source(args: argparse.Namespace) -> ViewSource:
-    from tactile_node.viewing.bus_source import RecordingSource
+    from tactile_node.viewing.recording_source import RecordingSource
     is_bag = holds_taxels(args.recording)
     _refuse_ignored(args, BAG if is_bag else LOG)
     if is_bag:

@@ -25,7 +25,7 @@ class Finding(NamedTuple):
     message: str
 
 
-class Look(NamedTuple):
+class Snapshot(NamedTuple):
     """Counts and health at one time on the monotonic clock."""
 
     at: float  #: [s]
@@ -57,12 +57,12 @@ class BusDiagnostics:
         self._hardware_id = hardware_id
         self._window = window
         self._steady = steady
-        self._looks: deque[Look] = deque()  # states in ascending order of time; the first one is the reference
+        self._snapshots: deque[Snapshot] = deque()  # states in ascending order of time; the first one is the reference
 
     def evaluate(self, counts: BusStatistics, health: BusHealth,
                  conditions: Mapping[str, PadCondition]) -> tuple[Finding, ...]:
         """Return the worst finding about the bus, then the worst finding about each pad."""
-        before = self._before(Look(self._steady(), counts, health))
+        before = self._before(Snapshot(self._steady(), counts, health))
         findings = [_worst(_bus_findings(counts, before.counts, health, before.health))]
         for name, pad in counts.pads.items():
             nodes = health.nodes.get(name, ())  # a replayed log reports no CANopen nodes
@@ -88,15 +88,15 @@ class BusDiagnostics:
                                          _pad_values(pad) | extra | _nodes_values(health.nodes.get(name, ()))))
         return DiagnosticArray(status=statuses)
 
-    def _before(self, now: Look) -> Look:
+    def _before(self, now: Snapshot) -> Snapshot:
         """Return the latest state that is at least ``window`` old. Before the first state, all counts are zero."""
-        looks = self._looks
-        if not looks:
-            looks.append(Look(-math.inf, _nothing_yet(now.counts), BusHealth()))
-        while len(looks) > 1 and now.at - looks[1].at >= self._window:
-            looks.popleft()
-        before = looks[0]
-        looks.append(now)
+        snapshots = self._snapshots
+        if not snapshots:
+            snapshots.append(Snapshot(-math.inf, _nothing_yet(now.counts), BusHealth()))
+        while len(snapshots) > 1 and now.at - snapshots[1].at >= self._window:
+            snapshots.popleft()
+        before = snapshots[0]
+        snapshots.append(now)
         return before
 
     def _status(self, part: str, finding: Finding, values: dict[str, object]) -> DiagnosticStatus:

@@ -26,7 +26,7 @@ from tactile_node.contact.pattern import MOST_LABELS, ContactPattern, of_contact
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.pose.moments import contact_moments
 from tactile_node.ros.contact_messages import as_array, taxel_values, taxels_of
-from tactile_node.ros.time_messages import duration_message
+from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import UnknownReason
 from tactile_node.taxel_frame import ON_OFF_UNIT, SkinSide, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
@@ -87,7 +87,8 @@ class ContactMarkers:
 
     def _taxels(self, contact: Contact) -> Marker | None:
         """Return all taxels of the pad in the colours of their values, with their tops at the surface of the skin."""
-        numbers = self._scale.numbers(taxel_values(contact), taxels_of(contact, TaxelStatus.SATURATED), contact.unit)
+        numbers = self._scale.numbers(taxel_values(contact), taxels_of(contact, TaxelStatus.SATURATED), contact.unit,
+                                      seconds(contact.header.stamp))
         places = np.flatnonzero(~taxels_of(contact, TaxelStatus.UNMAPPED)).tolist()
         if not places:
             return None
@@ -206,7 +207,8 @@ def value_image(taxels: TaxelArray) -> Image:
 
 def colour_image(taxels: TaxelArray, scale: ColourScale) -> Image:
     """Return the taxel values as an image in the colours of ``scale``."""
-    numbers = scale.numbers(taxel_values(taxels), taxels_of(taxels, TaxelStatus.SATURATED), taxels.unit)
+    numbers = scale.numbers(taxel_values(taxels), taxels_of(taxels, TaxelStatus.SATURATED), taxels.unit,
+                            seconds(taxels.header.stamp))
     return Image(header=taxels.header, height=taxels.rows, width=taxels.cols, encoding=COLOURS, is_bigendian=False,
                  step=3 * taxels.cols, data=as_array('B', RGB_TABLE[numbers], np.uint8))
 

@@ -11,7 +11,7 @@ from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.load import MOST_LOAD, planned_load
 from tactile_node.bus.message_pace import Reminder
 from tactile_node.skin.pads import LivePad
-from tactile_node.sources.node_traffic import BusSeen
+from tactile_node.sources.node_traffic import BusCounts
 
 
 class OverloadWatch:
@@ -197,7 +197,7 @@ class BusWatch:
             self._commands_reported = count
             logger.error('Another NMT master has sent a command: %s.', command_text(command), extra={'fact': command})
 
-    def look_at_counts(self, now: float, is_active: bool, statistics: BusStatistics, syncs_sent: int) -> BusSeen:
+    def look_at_counts(self, now: float, is_active: bool, statistics: BusStatistics, syncs_sent: int) -> BusCounts:
         """Update the SYNC and overload states, log faults, and return the counts that the node monitors need."""
         received = statistics.can_frames.get('sync', 0)
         if self._needs_sync:
@@ -208,4 +208,4 @@ class BusWatch:
         if overload.is_fault and self._overload_reminder.is_due(overload.name, now):
             logger.error('This process is overloaded: %s.', overload.phrase, extra={'fact': overload})
         syncs = syncs_sent if self._is_producer else received
-        return BusSeen(syncs, sync.foreign, self.overload.is_excused(now), self.overload.ran_again)
+        return BusCounts(syncs, sync.foreign, self.overload.is_excused(now), self.overload.ran_again)

@@ -11,7 +11,7 @@ from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.objects import NmtState
 from tactile_node.skin.layout import DomainLayout, TpdoLayout
 from tactile_node.skin.pads import CanopenNode
-from tactile_node.sources.node_traffic import BusSeen, NodeTraffic
+from tactile_node.sources.node_traffic import BusCounts, NodeTraffic
 from tactile_node.sources.outage import Attempts, OutageClock
 from tactile_node.taxel_frame import TaxelFrame
 
@@ -142,7 +142,7 @@ class NodeMonitor:
         self.traffic.tpdos.expect(now)
         self._used_then = pad.used_by_node[self.node.position]
 
-    def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> NodeFault:
+    def detect(self, now: float, is_active: bool, pad: PadStatistics, bus: BusCounts) -> NodeFault:
         """Detect the current fault of the node from its heartbeats, its TPDOs and the SYNCs so far."""
         self._is_overloaded = bus.is_overloaded
         self._excuse_silence(bus.ran_again)

@@ -19,7 +19,7 @@ from tactile_node.errors import (
     UnverifiedDeviceError,
 )
 from tactile_node.sources.node_monitor import NodeMonitor
-from tactile_node.sources.node_traffic import BusSeen
+from tactile_node.sources.node_traffic import BusCounts
 
 logger = logging.getLogger(__name__)
 
@@ -74,7 +74,7 @@ class NodeRecovery:
         for error in absent:
             logger.error('%s The other nodes continue. This node joins when it answers.', error, extra={'fact': error})
 
-    def attend(self, now: float, is_active: bool, statistics: BusStatistics, bus: BusSeen) -> bool:
+    def attend(self, now: float, is_active: bool, statistics: BusStatistics, bus: BusCounts) -> bool:
         """Detect and log the faults of the nodes, and recover from them.
 
         Parameters
@@ -107,7 +107,7 @@ class NodeRecovery:
         return None
 
     def _is_recovery_due(self, monitor: NodeMonitor, now: float, is_active: bool, pad: PadStatistics,
-                         bus: BusSeen) -> bool:
+                         bus: BusCounts) -> bool:
         if monitor.is_emergency_due(now):
             health = monitor.health(now)
             logger.error('%s', emergency_text(monitor.node.pad, health), extra={'fact': health.last_emergency})

@@ -114,7 +114,7 @@ class HeartbeatWatch(CountWindow):
         return now - begun >= window and guarded == guarded_then and heartbeats - heartbeats_then > expected
 
 
-class BusSeen(NamedTuple):
+class BusCounts(NamedTuple):
     """SYNC counts of the bus so far, and the overload of this process."""
 
     syncs: int
@@ -162,7 +162,7 @@ class NodeTraffic:
         self._forget_counts()
         self._two_seen = None if self._two_seen is None else now
 
-    def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen, heartbeat_time: float | None,
+    def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusCounts, heartbeat_time: float | None,
              delay: float) -> None:
         """Evaluate the counts so far.
 

@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.cia301.emergency import Emergency
-from tactile_node.cia301.objects import NmtState
-from tactile_node.viewing.model import BusReport, NodeReport, PadReport, Report, Reported
+from tactile_node.viewing.model import BusReport, NodeReport, PadReport, Report
 from tactile_node.viewing.taxel_record import FAULTS, marks_of
 
 HIGH_LOAD = 0.9  #: bus load above which other traffic delays sweeps, as a fraction
@@ -80,7 +78,7 @@ def _of_pad(pad: PadReport) -> Iterator[Found]:
     yield Found(Remark.WRONG_DEVICE, pad.name, pad.contradiction is not None)
     yield Found(Remark.STRANGERS, pad.name, len(pad.strangers))
     yield Found(Remark.NO_TAXELS, pad.name, not pad.are_of_others and (pad.frames == 0 or _is_empty(pad)))
-    yield Found(Remark.LOST_CAN_FRAMES, pad.name, sum(count for _, count in pad.losses or ()))
+    yield Found(Remark.LOST_CAN_FRAMES, pad.name, 0 if pad.counts is None else sum(pad.counts.losses.values()))
     yield Found(Remark.LOST_FRAMES, pad.name, pad.lost_frames)
     yield Found(Remark.INCOMPLETE, pad.name, pad.incomplete)
     yield Found(Remark.TAXEL_GAPS, pad.name, pad.gaps.count)
@@ -91,19 +89,15 @@ def _of_pad(pad: PadReport) -> Iterator[Found]:
 
 def _is_empty(pad: PadReport) -> bool:
     """Return True if no TPDO was used. If no node responds to SYNC, the taxel frames contain only NaN."""
-    return pad.statistics is not None and not pad.statistics.used
+    return pad.counts is not None and pad.counts.expected > 0 and not pad.counts.used
 
 
 def _of_node(node: NodeReport) -> Iterator[Found]:
     where = str(node.node_id)
-    yield Found(Remark.EMERGENCIES, where, any(map(_is_error, node.emergencies)) and node.emergencies.count)
-    yield Found(Remark.BOOTED_AGAIN, where, sum(change.state == NmtState.BOOT_UP for change in list(node.nmt)[1:]))
+    yield Found(Remark.EMERGENCIES, where, any(each.is_problem for each in node.emergencies) and node.emergencies.count)
+    yield Found(Remark.BOOTED_AGAIN, where, node.restarts)
     yield Found(Remark.TWO_VALUES, where, any(len(values) > 1 for values in node.identity.values()))
     yield Found(Remark.NODE_OF_NO_PAD, where, node.pad is None)
-
-
-def _is_error(emergency: Emergency | Reported) -> bool:
-    return emergency.is_problem if isinstance(emergency, Reported) else not emergency.is_reset
 
 
 def _of_bus(bus: BusReport) -> Iterator[Found]:

@@ -7,16 +7,14 @@ import heapq
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from enum import Enum, unique
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import PadStatistics
-from tactile_node.cia301.emergency import Emergency
-from tactile_node.cia301.objects import PRODUCER_HEARTBEAT_TIME
-from tactile_node.logs.damage import Damage
+from tactile_node.cia301.objects import PRODUCER_HEARTBEAT_TIME, NmtState, state_name
 from tactile_node.logs.logged_set_up import Contradiction
+from tactile_node.viewing.reported_file import ReportedFile
+from tactile_node.viewing.states import PadCounts
 from tactile_node.viewing.taxel_record import TaxelHealth
 from tactile_node.viewing.touch import Sample, TouchList
 
@@ -77,31 +75,6 @@ class LongestGaps:
         return len(self._kept)
 
 
-@unique
-class Kind(Enum):
-    """Kind of data in the recording."""
-
-    CAN_FRAMES = 'CAN frames'
-    TOPICS = 'ROS topics'
-    BOTH = 'ROS topics and CAN frames'
-
-
-@dataclass(frozen=True)
-class ReportedFile:
-    """Facts about the recording itself."""
-
-    name: str          #: file name without the folder
-    size: int          #: size of the file, or of all files of a bag [bytes]
-    sha256: str        #: SHA-256 checksum of a single file, or '' for several files
-    kind: Kind
-    begin: float
-    end: float
-    unread: int = 0    #: number of lines, messages or broken parts that could not be read
-    problem: str = ''  #: reason why the last unread part could not be read
-    clock_jumps: int = 0
-    damages: tuple[Damage, ...] = ()  #: damaged places in a bag or a series of files
-
-
 @dataclass(frozen=True)
 class PadReport:
     """Facts about one pad."""
@@ -122,9 +95,7 @@ class PadReport:
     node_ids: tuple[int, ...] = ()        #: node-IDs of the pad, or empty if the recording does not contain them
     layout: str | None = None             #: name of the layout
     layout_sha256: str | None = None
-    statistics: PadStatistics | None = None
-    #: number of lost CAN frames for each reason
-    losses: tuple[tuple[str, int], ...] | None = None
+    counts: PadCounts | None = None       #: counters within the recording
     #: evidence that the log comes from another device; with such evidence, no taxels are reported
     contradiction: Contradiction | None = None
     #: other nodes that send the pad's COB-IDs, listed if the pad's own nodes were not heard
@@ -133,17 +104,12 @@ class PadReport:
     are_of_others: bool = False
 
 
-class NmtChange(NamedTuple):
-    stamp: float
-    state: int       #: NMT state in the heartbeat, or 0 for a boot-up
-
-
-class Reported(NamedTuple):
-    """A message from the driver, in a SkinStatus or on /diagnostics."""
+class ReportedEvent(NamedTuple):
+    """An NMT state change, an NMT command, an EMCY, or a message from the driver."""
 
     stamp: float
     text: str
-    is_problem: bool  #: True for a warning or an error, False for the end of a problem or any other change
+    is_problem: bool = False  #: True for a warning or an error
 
 
 @dataclass
@@ -155,23 +121,21 @@ class NodeReport:
     pad: str | None
     #: distinct values read by SDO, by index and sub-index
     objects: dict[tuple[int, int], tuple[bytes, ...]] = field(default_factory=dict)
-    emergencies: Ends[Emergency | Reported] = field(default_factory=Ends)
-    nmt: Ends[NmtChange] = field(default_factory=Ends)
+    emergencies: Ends[ReportedEvent] = field(default_factory=Ends)
+    nmt: Ends[ReportedEvent] = field(default_factory=Ends)
+    restarts: int = 0                   #: number of boot-ups after the first NMT state
     heartbeats: int | None = None
     longest_pause: float | None = None  #: longest time between two heartbeats [s]
+
+    def add_state(self, stamp: float, state: int) -> None:
+        """Add a change to the NMT ``state``."""
+        self.restarts += state == NmtState.BOOT_UP and self.nmt.count > 0
+        self.nmt.add(ReportedEvent(stamp, state_name(state)))
 
     @property
     def identity(self) -> dict[tuple[int, int], tuple[bytes, ...]]:
         """Read-only objects of the device, whose values change only if the device is replaced."""
         return {key: values for key, values in self.objects.items() if key[0] != PRODUCER_HEARTBEAT_TIME}
-
-
-class SeenCommand(NamedTuple):
-    """An NMT command on the bus."""
-
-    stamp: float
-    command: int
-    node_id: int  #: addressed node, where 0 stands for all nodes
 
 
 @dataclass(frozen=True)
@@ -193,10 +157,10 @@ class BusReport:
     """Facts about the CAN bus. Fields derived from CAN frames are None if the recording has no CAN frames."""
 
     load: LoadCurve | None
-    reported: Ends[Reported] | None = None  #: status changes reported by the driver
+    reported: Ends[ReportedEvent] | None = None  #: status changes reported by the driver
     can_frames: dict[str, int] | None = None   #: number of CAN frames by CANopen service, read-only
     gaps: LongestGaps | None = None         #: gaps without any CAN frame
-    commands: Ends[SeenCommand] | None = None
+    commands: Ends[ReportedEvent] | None = None
     channels: tuple[str, ...] = ()          #: names of the buses in the log, or topics with CAN frames
 
 
@@ -204,7 +168,6 @@ class BusReport:
 class Report:
     """All data shown on the report page."""
 
-    versions: tuple[tuple[str, str], ...]
     recording: ReportedFile
     pads: tuple[PadReport, ...]
     nodes: tuple[NodeReport, ...] | None

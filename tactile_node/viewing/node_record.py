@@ -9,6 +9,8 @@ from collections.abc import Mapping
 import can
 import numpy as np
 
+from tactile_node.assembly.fault_text import command_text
+from tactile_node.assembly.health import ForeignCommand
 from tactile_node.cia301.emergency import decode_emergency
 from tactile_node.cia301.frame_bits import load_bits
 from tactile_node.cia301.heartbeat import nmt_state
@@ -29,7 +31,7 @@ from tactile_node.cia301.objects import (
 )
 from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.taxel_frame import read_only
-from tactile_node.viewing.model import BusReport, Ends, LoadCurve, LongestGaps, NmtChange, NodeReport, SeenCommand
+from tactile_node.viewing.model import BusReport, Ends, LoadCurve, LongestGaps, NodeReport, ReportedEvent
 
 LOAD_WINDOW = 1.0  #: averaging window of the bus load, as in the driver [s]
 BUS_GAP = 0.5      #: shortest reported gap without any CAN frame [s]; a working skin sends CAN frames every 20 ms
@@ -52,7 +54,7 @@ class BusRecord:
         self._gaps = LongestGaps(BUS_GAP)
         # Only received frames count, because sent frames may lack the name of the bus.
         self._channels: set[str] = set()
-        self._commands: Ends[SeenCommand] = Ends()
+        self._commands: Ends[ReportedEvent] = Ends()
         self.begin: float | None = None  #: stamp of the first frame
         self.end = 0.0
 
@@ -69,7 +71,7 @@ class BusRecord:
         self._bits[int((stamp - self.begin) // LOAD_WINDOW)] += load_bits(message.dlc, message.is_extended_id,
                                                                           message.is_remote_frame)
         if message.arbitration_id == NMT and not message.is_extended_id and len(message.data) == NMT_BYTES:
-            self._commands.add(SeenCommand(stamp, message.data[0], message.data[1]))
+            self._commands.add(ReportedEvent(stamp, command_text(ForeignCommand(*message.data))))
 
     def report(self, can_frames: dict[str, int] | None) -> BusReport:
         return BusReport(self._load(), None, can_frames, self._gaps, self._commands,
@@ -148,7 +150,8 @@ class _HeardNode:
         if base == HEARTBEAT:
             self._heartbeat(data, stamp)
         elif base == EMCY:
-            self.report.emergencies.add(decode_emergency(data, stamp))
+            emergency = decode_emergency(data, stamp)
+            self.report.emergencies.add(ReportedEvent(stamp, str(emergency), not emergency.is_reset))
         else:
             self._transfer(base == SDO_REQUEST, data)
 
@@ -157,7 +160,7 @@ class _HeardNode:
         if state is None:
             return
         if state == NmtState.BOOT_UP or state != self._state:
-            report.nmt.add(NmtChange(stamp, state))
+            report.add_state(stamp, state)
         if state == NmtState.BOOT_UP:
             self._last = None
         else:

@@ -18,7 +18,7 @@ class PadRecord:
 
     def __init__(self, name: str, rows: int, cols: int, pitch: float, unit: str, recogniser: VisibilityGuard):
         self._name, self._shape, self._pitch, self._unit = name, (rows, cols), pitch, unit
-        self._touches = ReportedTouchFinder(recogniser, pitch, unit)
+        self._touches = ReportedTouchFinder(name, pitch, unit, recogniser)
         self._taxels = TaxelRecord(rows, cols, unit)
         self._gaps = LongestGaps(MAX_PAUSE)
         self._periods: deque[float] = deque(maxlen=MEDIAN_PERIODS)

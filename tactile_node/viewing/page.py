@@ -4,39 +4,52 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tactile_node.threads import ReportedThread
-from tactile_node.viewing.charts import force_chart
-from tactile_node.viewing.health_table import HealthHistory, health_table
-from tactile_node.viewing.pads_3d import Pads3d, Planes
-from tactile_node.viewing.page_parts import (
-    DrawnPad,
-    PageFacts,
-    Scales,
-    macros,
-    pads_html,
-    status_html,
-)
-from tactile_node.viewing.source import Shown, ViewSource
+from tactile_node.viewing.chart import POINT_COLOURS, Series, chart
+from tactile_node.viewing.counts_table import HealthHistory, counts_table
+from tactile_node.viewing.drawn_pad import DrawnPad, Scales
+from tactile_node.viewing.page_parts import PageFacts, macros, pads_html, status_html
+from tactile_node.viewing.planes import Planes
+from tactile_node.viewing.source import FORCE_HISTORY, ViewSource, ViewState
 
 if TYPE_CHECKING:
     from viser import ClientHandle, GuiApi
 
-    from tactile_node.viewing.bus_source import RecordingSource
+    from tactile_node.viewing.recording_source import RecordingSource
 
 UPDATE_RATE = 17.5  #: maximum update rate [1/s]
 SLOW_PERIOD = 0.2   #: minimum update period of the chart and tables [s]
-SCENE_PERIOD = 0.15  #: minimum update period of the 3-D view [s]
-PAUSE_SHARE = 5.0    #: pause after an update of the chart, tables or 3-D view, as a multiple of the update's duration
+PAUSE_SHARE = 5.0    #: pause after an update of the chart and tables, as a multiple of the update's duration
 LONGEST_SILENCE = 0.4  #: longest time between updates, so that displayed ages advance without new data [s]
 CONNECTION_PERIOD = 0.2  #: period at which the connection to the browser is checked [s]
 MEASURED_TIME = 3.0  #: averaging time of the displayed rate and delay [s]
-PADS_WIDTH = 720.0   #: width of the panel with the pads [pixels]
+PADS_WIDTH = 720.0   #: minimum width of the panel with the pads [pixels]
 HEALTH_WIDTH = 380.0  #: width of the panel with the health table [pixels]
 SLIDER_STEP = 0.05  #: [s]
+
+
+FORCE_GAP = 0.3     #: time between two forces above which the line is interrupted [s]
+
+
+def force_chart(forces: Sequence[np.ndarray], now: float) -> str:
+    """Return a chart of the force over the last FORCE_HISTORY seconds.
+
+    Parameters
+    ----------
+    forces
+        Stamps [s] and forces [N] of each pad, shape (2, n). The line has gaps where no force was measured.
+    now
+        Stamp at the right edge of the chart [s].
+    """
+    drawn = chart([Series(POINT_COLOURS[k % len(POINT_COLOURS)], stamps - now, values, FORCE_GAP)
+                   for k, (stamps, values) in enumerate(forces)], -FORCE_HISTORY, 0.0, 'N')
+    return str(drawn)  # viser sends only plain str
 
 
 class PlayerControls:
@@ -66,12 +79,11 @@ class Page:
 
     Each update waits until the browser has confirmed the previous update. Data therefore never queue up for a slow
     browser, and the browser is never more than one update behind. Data that may be marked as live are sent first, in an
-    update of their own, so that they arrive quickly. The chart, the tables and the 3-D scene follow in separate
-    updates.
+    update of their own, so that they arrive quickly. The chart and the tables follow in a separate update.
     """
 
     def __init__(self, client: 'ClientHandle', source: ViewSource, is_connected: Callable[[], bool],
-                 full_scale: float | None = None):
+                 full_scale: float = 0.0):
         self._client, self._source = client, source
         self._is_connected = is_connected
         self._scales = Scales(full_scale)
@@ -81,9 +93,7 @@ class Page:
         self._number = 0
         self._is_taken = threading.Event()
         self._receipt_time = 0.0  # time of the last receipt [s]
-        self._slow_due = self._scene_due = 0.0
-        # time and aspect ratio of the last scene confirmed by the browser
-        self._scene_shown, self._aspect = -math.inf, 0.0
+        self._slow_due = 0.0
         self._history = HealthHistory()
         self._planes: Planes | None = None
 
@@ -135,7 +145,6 @@ class Page:
         with gui.add_folder('Planes of Volf, Dvořák and Vlček'):
             self._planes_wanted = gui.add_checkbox('show (computed only then)', False)
             self._planes_html = gui.add_html('')
-        self._scene_wanted = gui.add_checkbox('3-D', True)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(HEALTH_WIDTH)
         panel = gui.add_panel()
@@ -144,41 +153,31 @@ class Page:
             self._force = gui.add_html('')
             gui.add_html(str(macros().legend()))
         panel.dock_left()
-        pane = self._client.camera
-        panel.set_width(max(PADS_WIDTH, min(0.8 * pane.image_height, 0.45 * pane.image_width)))
-        self._scene = Pads3d(self._client)
+        panel.set_width(max(PADS_WIDTH, self._client.camera.image_width - HEALTH_WIDTH))
 
-    def _update_pads(self, shown: Shown, drawn: list[DrawnPad], now: float) -> None:
+    def _update_pads(self, shown: ViewState, drawn: list[DrawnPad], now: float) -> None:
         self._is_taken.clear()
         self._number += 1
         self._pads.content = pads_html(drawn, self._number, self._source.player is not None)
         self._status.content = status_html(self._facts(shown, now), drawn, self._client.client_id, self._number)
         self._client.flush()
 
-    def _has_taken_rest(self, shown: Shown, drawn: list[DrawnPad]) -> bool:
-        """Send the chart, tables or scene if due, and wait. Return False if the browser has disconnected."""
+    def _has_taken_rest(self, shown: ViewState, drawn: list[DrawnPad]) -> bool:
+        """Send the chart and tables if due, and wait. Return False if the browser has disconnected."""
         begun = time.monotonic()
-        is_scene_due, is_slow_due = begun >= self._scene_due and self._scene_wanted.value, begun >= self._slow_due
-        if not is_scene_due and not is_slow_due:
+        if begun < self._slow_due:
             return True
         self._is_taken.clear()
         self._number += 1
-        if is_scene_due:
-            self._update_scene(drawn)
-        else:
-            self._update_slow(shown, drawn)
+        self._update_slow(shown, drawn)
         self._receipt.content = str(macros().receipt(self._client.client_id, self._number))
         self._client.flush()
         if not self._has_answered():
             return False
-        pause = PAUSE_SHARE * (time.monotonic() - begun)
-        if is_scene_due:
-            self._scene_due, self._scene_shown = begun + max(SCENE_PERIOD, pause), begun
-        else:
-            self._slow_due = begun + max(SLOW_PERIOD, pause)
+        self._slow_due = begun + max(SLOW_PERIOD, PAUSE_SHARE * (time.monotonic() - begun))
         return True
 
-    def _facts(self, shown: Shown, now: float) -> PageFacts:
+    def _facts(self, shown: ViewState, now: float) -> PageFacts:
         while self._taken and now - self._taken[0][0] > MEASURED_TIME:
             self._taken.popleft()
         player = self._source.player
@@ -186,17 +185,16 @@ class Page:
         return PageFacts(
             title=self._source.title, player=player, problem=shown.problem, rate=len(self._taken) / MEASURED_TIME,
             delay=sum(ages) / len(ages) if ages and player is None else math.nan,
-            scene_age=now - self._scene_shown, grasp=shown.grasp)
+            grasp=shown.grasp)
 
-    def _update_slow(self, shown: Shown, drawn: list[DrawnPad]) -> None:
-        forces = {name: self._source.store.forces(name) for name in shown.pads}
+    def _update_slow(self, shown: ViewState, drawn: list[DrawnPad]) -> None:
         ends = [pad.state.stamp + pad.age for pad in drawn if pad.state is not None and math.isfinite(pad.age)]
         if ends:
-            self._force.content = force_chart(forces, max(ends))
+            self._force.content = force_chart([self._source.store.forces(name) for name in shown.pads], max(ends))
         age, before = time.monotonic() - shown.bus_acquired, None
         if shown.bus is not None and self._source.player is None:
             before = self._history.before(shown.bus, shown.bus_acquired)
-        self._health.content = health_table(shown.bus, age, before)
+        self._health.content = counts_table(shown.bus, age, before)
         if self._controls is not None:
             self._controls.update()
         self._planes_html.content = self._planes_picture(drawn) if self._planes_wanted.value else ''
@@ -206,15 +204,6 @@ class Page:
         return self._planes.pictures({
             number: pad.state.contact.mask for number, pad in enumerate(drawn) if pad.is_live
             and pad.state is not None and pad.state.contact is not None and pad.state.contact.mask is not None})
-
-    def _update_scene(self, drawn: list[DrawnPad]) -> None:
-        for number, pad in enumerate(drawn):
-            if pad.state is None:
-                continue
-            if self._aspect != self._client.camera.aspect:
-                self._aspect = self._client.camera.aspect
-                self._scene.look_from(pad.state, len(drawn))
-            self._scene.show(number, pad.state, pad.full_scale, not pad.is_live)
 
     def taken(self, number: int) -> None:
         """Record that the browser has applied update ``number``. Any thread may call this method."""

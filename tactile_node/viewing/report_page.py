@@ -1,34 +1,39 @@
 """Render the report as a single HTML page from report.html, without scripts or external content."""
 
 import math
+import platform
 from collections.abc import Iterator
+from importlib import metadata
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from tactile_node.assembly.fault_text import command_text, node_label
+from tactile_node.assembly.fault_text import node_label
 from tactile_node.cia301.objects import (
     DEVICE_NAME,
     HARDWARE_VERSION,
     PRODUCER_HEARTBEAT_TIME,
     SOFTWARE_VERSION,
-    state_name,
 )
+from tactile_node.colour_map import value_colours
 from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.logs.damage import damage_lines, utc
+from tactile_node.package_files import package_version
 from tactile_node.shape.recognition import Shape, ShapeClass
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.charts import Points, cells, chart, heat_cells, outline_points, pictures, thin
+from tactile_node.viewing.chart import Series, chart
+from tactile_node.viewing.contact_text import force_text, shape_text, size_text
+from tactile_node.viewing.counts_table import tpdo_rows
 from tactile_node.viewing.findings import findings
-from tactile_node.viewing.model import Ends, LoadCurve, NmtChange, NodeReport, PadReport, Report
+from tactile_node.viewing.model import Ends, LoadCurve, NodeReport, PadReport, Report
 from tactile_node.viewing.node_record import OBJECTS
+from tactile_node.viewing.pad_picture import pad_picture, reading, taxel_map
 from tactile_node.viewing.taxel_record import FAULTS, Mark, TaxelHealth, marks_of, no_value_share
 from tactile_node.viewing.templates import environment
 from tactile_node.viewing.touch import MOST_PICTURES, MOST_TOUCHES, ReportedTouch
 from tactile_node.viewing.touch_finder import RECOGNITION_PERIOD
 
-ABSENT_TEXT = 'not in this recording'
 TEXT_OBJECTS = DEVICE_NAME, HARDWARE_VERSION, SOFTWARE_VERSION
 #: palette of Okabe and Ito, whose colours remain distinct for colour-blind readers
 SHAPE_COLOURS: dict[ShapeClass, str] = {
@@ -45,20 +50,35 @@ MARK_LEGEND = {Mark.GOOD: ('#2e8b57', 'values in every frame, and they change'),
          Mark.STUCK: ('#c1121f', 'stuck'), Mark.DEAD: ('#1d1d1d', 'dead'), Mark.UNMAPPED: ('#ececec', 'no taxel')}
 MOST_EVENTS = 5  #: maximum number of events listed for a touch
 MOST_LISTED_TAXELS = 20  #: maximum number of taxels listed
+LIBRARIES = ('python-can', 'canopen', 'numpy', 'scipy', 'rosbags', 'mcap')
 
 
 def page_of(report: Report) -> str:
     """Return the page. All text from the recording is escaped."""
     begin = report.recording.begin
     functions = {function.__name__: function for function in (
-        utc, command_text, node_label, event_text, force_of, health_pictures, identity_of, load_chart, load_text,
-        mark_counts, name_of, count_text, moves_of, size_of, touch_charts, touch_picture, worst_taxels)}
+        utc, node_label, force_text, health_pictures, identity_of, load_chart, load_text,
+        mark_counts, shape_text, count_text, moves_of, size_text, touch_charts, touch_picture, tpdo_rows,
+        worst_taxels)}
     return environment().get_template('report.html').render(
         functions, report=report, recording=report.recording, begin=begin, end=report.recording.end, bus=report.bus,
+        versions=versions(),
         at=lambda stamp, digits=3: f'{stamp - begin:.{digits}f}', found=findings(report),
         missing=[('missing', line) for line in damage_lines(report.recording.damages)],
-        smallest_contact=SMALLEST_CONTACT, absent_text=ABSENT_TEXT, most_touches=MOST_TOUCHES,
+        smallest_contact=SMALLEST_CONTACT, most_touches=MOST_TOUCHES,
         most_pictures=MOST_PICTURES, sample_period=f'{RECOGNITION_PERIOD:g}')
+
+
+def versions() -> tuple[tuple[str, str], ...]:
+    """Return names and versions of the software that makes the report, skipping libraries that are not installed."""
+    found = []
+    for name in LIBRARIES:
+        try:
+            found.append((name, metadata.version(name)))
+        except metadata.PackageNotFoundError:
+            continue
+    return (('tactile_skin', package_version()), ('Python', platform.python_version()), *found,
+            ('system', f'{platform.system()} {platform.machine()}'))
 
 
 def count_text(ends: Ends) -> str:
@@ -68,75 +88,31 @@ def count_text(ends: Ends) -> str:
         f'{ends.count}, of which the first and last {listed} are listed')
 
 
-def name_of(touch: ReportedTouch) -> str:
-    """Return the name of the shape, with the reason if the shape is unknown."""
-    name = touch.shape.value.replace('_', ' ')
-    return f'{name}: {touch.reason.name.lower().replace("_", " ")}' if touch.shape is Shape.UNKNOWN else name
-
-
-def size_of(touch: ReportedTouch) -> str:
-    if not touch.dimensions:
-        return 'no outline'
-    bound = ' (a lower bound: at the edge, partly hidden or saturated)' if touch.size_is_bound else ''
-    lengths = ', '.join(f'{name.replace("_", " ")} {1e3 * length:.1f}' for name, length in touch.dimensions)
-    return f'{lengths} mm{bound}'
-
-
-def force_of(touch: ReportedTouch) -> str:
-    """Return the force as text. The force is not known for on/off taxels."""
-    return 'not known' if math.isnan(touch.force) else f'{"≥ " if touch.force_is_bound else ""}{touch.force:.2f} N'
-
-
 def moves_of(touch: ReportedTouch, begin: float) -> str:
     """Return the first MOST_EVENTS events of the touch as text."""
     said = [f'{event.kind.name.lower()} at {event.stamp - begin:.2f} s' for event in touch.events[:MOST_EVENTS]]
     return ', '.join((*said, *(['...'] if len(touch.events) > MOST_EVENTS else []))) or 'no event'
 
 
-def reading_text(value: float, unit: str) -> str:
-    """Return a reading with its unit as text.
-
-    >>> reading_text(81200.0, 'Pa'), reading_text(0.25, 'N')
-    ('81.2 kPa', '0.25 N')
-    """
-    return f'{value / 1e3:.1f} kPa' if unit == 'Pa' else f'{value:.2f} N' if unit == 'N' else f'{value:g} (on/off)'
+def touch_picture(touch: ReportedTouch) -> Markup:
+    """Draw the frame in which ``touch`` pressed hardest, with the outline."""
+    assert touch.picture is not None
+    return pad_picture(touch.picture, _top(touch.picture.values))
 
 
-def touch_picture(touch: ReportedTouch, pad: PadReport, number: int) -> Markup:
-    """Draw the frame in which ``touch`` pressed hardest as SVG, with the outline and a colour bar."""
-    picture = touch.picture
-    assert picture is not None
-    top = float(np.nanmax(picture.values, initial=0.0))
-    points = '' if picture.fit is None else outline_points(picture.fit.outline, pad.pitch, pad.rows)
-    return _pad_picture(pad.rows, pad.cols, heat_cells(picture.values, top), f'touch {number}', points,
-                        reading_text(top, pad.unit))
-
-
-def _pad_picture(rows: int, cols: int, paths: list[tuple[str, str]], label: str, points: str, top: str) -> Markup:
-    """Draw a pad with a colour bar below. ``top`` is the label at the bright end of the bar."""
-    made: Markup = pictures().pad(rows, cols, paths, label, points)
-    return made + pictures().colour_bar(top) if top else made
-
-
-def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[str, str]], Markup, str]:
+def touch_charts(pad: PadReport, begin: float, end: float) -> tuple[list[tuple[str, str]], Markup, Markup | str]:
     """Return the shape legend, the confidence chart and the force chart, which is '' if the force is not known."""
     stamps = np.array([sample.stamp for sample in pad.samples]) - begin
     confidence = np.array([sample.confidence for sample in pad.samples])
     force = np.array([sample.force for sample in pad.samples])
     shapes = np.array([sample.shape.value for sample in pad.samples])
-    keep = thin(confidence, keep_highest=False)
     found: Iterator[ShapeClass] = (sample.shape for sample in pad.samples)
     colours = dict.fromkeys((*SHAPE_COLOURS, *found), TAUGHT_COLOUR) | SHAPE_COLOURS
-    legend = [(colour, shape.value.replace('_', ' ')) for shape, colour in colours.items()
-              if (shapes == shape.value).any()]
-    dots = [Points(colour, stamps[chosen], confidence[chosen]) for shape, colour in colours.items()
-            if len(chosen := keep[shapes[keep] == shape.value])]
-    known, forces = np.flatnonzero(np.isfinite(force)), ''
-    if len(known):
-        known = known[thin(force[known], keep_highest=True)]
-        forces = chart([], [Points(FORCE_COLOUR, stamps[known], force[known])], end=end - begin,
-                       top=1.1 * float(force[known].max()), unit='N')
-    return legend, chart([], dots, end=end - begin, top=1.0, unit=''), forces
+    places = {shape: np.flatnonzero(shapes == shape.value) for shape in colours}
+    legend = [(colours[shape], shape.value.replace('_', ' ')) for shape in colours if len(places[shape])]
+    dots = [Series(colours[shape], stamps[chosen], confidence[chosen]) for shape, chosen in places.items()]
+    forces = chart([Series(FORCE_COLOUR, stamps, force)], 0.0, end - begin, 'N') if np.isfinite(force).any() else ''
+    return legend, chart(dots, 0.0, end - begin, ''), forces
 
 
 def mark_counts(health: TaxelHealth) -> list[tuple[str, str]]:
@@ -145,15 +121,21 @@ def mark_counts(health: TaxelHealth) -> list[tuple[str, str]]:
             if (marks == mark).any()]
 
 
-def health_pictures(health: TaxelHealth, unit: str) -> list[tuple[str, Markup]]:
+def health_pictures(pad: PadReport, health: TaxelHealth) -> list[tuple[str, Markup]]:
     """Return titled maps of the taxels' states, highest values and fractions of frames without a value."""
-    marks, share = marks_of(health), no_value_share(health)
-    top, worst = float(np.nanmax(health.highest, initial=0.0)), float(np.nanmax(share, initial=0.0))
-    pads = [('State', cells([(colour, marks == mark) for mark, (colour, _) in MARK_LEGEND.items()]), ''),
-            ('Highest value', heat_cells(health.highest, top), reading_text(top, unit))]
+    share = no_value_share(health)
+    top, worst = _top(health.highest), float(np.nanmax(share, initial=0.0))
+    colours = np.array([list(bytes.fromhex(colour[1:])) for colour, _ in MARK_LEGEND.values()])
+    maps = [('State', colours[marks_of(health)], None),
+            ('Highest value', value_colours(health.highest, top), reading(top, pad.unit))]
     if worst > 0:
-        pads.append(('Frames without a value', heat_cells(share, worst), f'{worst:.1%}'))
-    return [(name, _pad_picture(len(marks), marks.shape[1], paths, name, '', bar)) for name, paths, bar in pads]
+        maps.append(('Frames without a value', value_colours(share, worst), (f'{100 * worst:.3g}', '%')))
+    return [(name, taxel_map(name, taxels, pad.pitch, top=text)) for name, taxels, text in maps]
+
+
+def _top(values: np.ndarray) -> float:
+    """Return the highest of ``values``, or 1 if none is above 0."""
+    return float(np.nanmax(values, initial=0.0)) or 1.0
 
 
 def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:
@@ -171,9 +153,8 @@ def worst_taxels(health: TaxelHealth) -> tuple[list[tuple[Any, ...]], int]:
 
 def load_chart(load: LoadCurve, begin: float, end: float) -> Markup:
     values, unit = _load_values(load)
-    keep = thin(values, keep_highest=True)
-    line = Points(LOAD_COLOUR, load.stamps[keep] - begin + load.window / 2, values[keep])
-    return chart([line], [], end=end - begin, top=1.1 * float(np.max(values, initial=0.0)), unit=unit)
+    line = Series(LOAD_COLOUR, load.stamps - begin + load.window / 2, values, gap=math.inf)
+    return chart([line], 0.0, end - begin, unit)
 
 
 def load_text(load: LoadCurve) -> str:
@@ -202,8 +183,3 @@ def _value(index: int, data: bytes) -> str:
         return data.decode('utf-8', 'replace').rstrip('\0')
     number = int.from_bytes(data, 'little')
     return str(number) if index == PRODUCER_HEARTBEAT_TIME else f'0x{number:X}'
-
-
-def event_text(event: Any) -> str:
-    """Return an NMT state change, an EMCY or a driver message as text."""
-    return state_name(event.state) if isinstance(event, NmtChange) else getattr(event, 'text', None) or str(event)

@@ -23,7 +23,7 @@ LINGER_TIME = 2.0
 class ViewServer:
     """Serves the page until `close` is called. Raises ConfigurationError if the port is in use."""
 
-    def __init__(self, source: ViewSource, port: int = 8080, full_scale: float | None = None):
+    def __init__(self, source: ViewSource, port: int = 8080, full_scale: float = 0.0):
         import viser
         self._source, self._full_scale = source, full_scale
         self._changed = threading.Condition()

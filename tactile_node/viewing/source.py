@@ -12,13 +12,13 @@ from tactile_node.assembly.fault_text import failure_of, failure_text
 from tactile_node.viewing.states import BusFacts, GraspFacts, PadState
 
 if TYPE_CHECKING:
-    from tactile_node.viewing.bus_source import RecordingSource
+    from tactile_node.viewing.recording_source import RecordingSource
 
 FORCE_HISTORY = 20.0  #: length of the force history [s]
 MOST_FORCE_POINTS = 600  #: maximum number of points in the force history of a pad
 
 
-class Shown(NamedTuple):
+class ViewState(NamedTuple):
     """All data that a page shows at one moment."""
 
     version: int                     #: version number that increases with every change
@@ -34,7 +34,7 @@ class Store:
 
     def __init__(self, pads: Sequence[str]):
         self._changed = threading.Condition()
-        self._shown = Shown(0, dict.fromkeys(pads))
+        self._shown = ViewState(0, dict.fromkeys(pads))
         self._forces: dict[str, deque[tuple[float, float]]] = {pad: deque(maxlen=MOST_FORCE_POINTS) for pad in pads}
         self._is_closed = False
 
@@ -85,7 +85,7 @@ class Store:
             self._is_closed = True
             self._changed.notify_all()
 
-    def shown(self) -> Shown:
+    def shown(self) -> ViewState:
         return self._shown
 
     def wait(self, version: int, timeout: float) -> None:

@@ -12,6 +12,7 @@ from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
 from tactile_node.assembly.health import BusHealth, NodeHealth
 from tactile_node.cia301.objects import state_name
 from tactile_node.pose.events import EventKind, Moving
+from tactile_node.taxel_frame import TaxelStatus
 
 
 class SeenContact(NamedTuple):
@@ -77,6 +78,11 @@ class PadState(NamedTuple):
     unit: str            #: unit of the values: 'Pa', 'N' or '1'
     contact: SeenContact | None = None  #: recognised contact, or None if the source does not recognise contacts
 
+    @property
+    def hidden(self) -> np.ndarray:
+        """Mask of the taxels without a valid value, without the places where there is no taxel."""
+        return np.isnan(self.values) & (self.status != TaxelStatus.UNMAPPED)
+
 
 class GraspFacts(NamedTuple):
     """The grasp between two pads."""
@@ -97,15 +103,38 @@ class NodeFacts(NamedTuple):
     emergency: str        #: last EMCY as text, or '' if there is none
 
 
+class PadCounts(NamedTuple):
+    """Counters of a pad, since the source was opened or within a recording."""
+
+    frames_complete: int = 0
+    frames_incomplete: int = 0
+    expected: int = 0   #: number of expected TPDOs
+    received: int = 0   #: number of received TPDOs
+    used: int = 0       #: number of used TPDOs
+    losses: Mapping[str, int] = {}  #: number of lost TPDOs by reason, omitting reasons without losses
+
+    def plus(self, other: 'PadCounts', factor: int = 1) -> 'PadCounts':
+        """Return the sum of these counters and ``factor`` times the ``other`` counters."""
+        counts = (mine + factor * theirs for mine, theirs in zip(self[:-1], other[:-1]))
+        losses = {reason: self.losses.get(reason, 0) + factor * other.losses.get(reason, 0)
+                  for reason in (*self.losses, *other.losses)}
+        return PadCounts._make((*counts, _some(losses)))
+
+    def minus(self, other: 'PadCounts') -> 'PadCounts':
+        """Return the difference between these and the ``other`` counters."""
+        return self.plus(other, -1)
+
+    @property
+    def is_possible(self) -> bool:
+        """True if no counter is negative, as in a difference across a restart of the driver."""
+        return min(*self[:-1], *self.losses.values()) >= 0
+
+
 class PadFacts(NamedTuple):
     """Counters and faults of a pad since the source was opened."""
 
     pad: str
-    frames_complete: int
-    frames_incomplete: int
-    expected: int               #: number of expected TPDOs
-    used: int                   #: number of used TPDOs
-    losses: Mapping[str, int]   #: number of lost TPDOs by reason, omitting reasons without losses
+    counts: PadCounts
     nodes: tuple[NodeFacts, ...] = ()
     faulty_taxels: tuple[tuple[int, int, str], ...] = ()  #: row, column and fault of each faulty taxel
 
@@ -132,14 +161,21 @@ def facts_of_status(message: Any) -> BusFacts:
     return BusFacts(message.failure, float(message.bus_load), _some(counts), tuple(map(_pad_of_status, message.pads)))
 
 
+def counts_of_status(pad: Any) -> PadCounts:
+    """Return the counters in a PadStatus, from a topic or a bag."""
+    losses = {reason: int(count) for reason, count in zip(pad.loss_reasons, pad.loss_counts)}
+    return PadCounts(int(pad.frames_complete), int(pad.frames_incomplete), int(pad.tpdos_expected),
+                     int(pad.tpdos_received), int(pad.tpdos_used), _some(losses))
+
+
 def _some(counts: dict[str, int]) -> dict[str, int]:
     return {name: count for name, count in counts.items() if count}
 
 
 def _pad(name: str, pad: PadStatistics, nodes: tuple[NodeHealth, ...]) -> PadFacts:
     losses = {reason.key: count for reason, count in pad.losses.items()}
-    return PadFacts(name, pad.complete, pad.incomplete, pad.expected, pad.used, _some(losses),
-                    tuple(_node(name, node) for node in nodes))
+    counts = PadCounts(pad.complete, pad.incomplete, pad.expected, pad.received, pad.used, _some(losses))
+    return PadFacts(name, counts, tuple(_node(name, node) for node in nodes))
 
 
 def _node(pad: str, node: NodeHealth) -> NodeFacts:
@@ -149,9 +185,7 @@ def _node(pad: str, node: NodeHealth) -> NodeFacts:
 
 
 def _pad_of_status(pad: Any) -> PadFacts:
-    losses = {reason: int(count) for reason, count in zip(pad.loss_reasons, pad.loss_counts)}
     nodes = tuple(NodeFacts(node.node_id, node.nmt_state_text, float(node.heartbeat_age), node.fault_text,
                             node.emcy_last) for node in pad.nodes)
     faulty = tuple((int(taxel.row), int(taxel.col), taxel.fault) for taxel in pad.faulty_taxels)
-    return PadFacts(pad.pad, int(pad.frames_complete), int(pad.frames_incomplete), int(pad.tpdos_expected),
-                    int(pad.tpdos_used), _some(losses), nodes, faulty)
+    return PadFacts(pad.pad, counts_of_status(pad), nodes, faulty)

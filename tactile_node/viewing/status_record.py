@@ -1,18 +1,17 @@
-"""Collect the driver's status reports from a bag: SkinStatus messages or, if there are none, /diagnostics.
+"""Collect the driver's status reports from a bag.
 
 The driver's counters start when the driver is configured. The report covers only the recording, so the counts in the
 first message are subtracted.
 """
 
-from collections import Counter
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from tactile_node.cia301.objects import NmtState
 from tactile_node.taxel_frame import read_only
-from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NmtChange, NodeReport, Reported
+from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NodeReport, ReportedEvent
+from tactile_node.viewing.states import PadCounts, counts_of_status
 
 OK_LEVEL = 1                            #: level OK of SkinStatus and PadStatus, where NOT_KNOWN is 0
 NMT_NOT_KNOWN = 0                       #: value of NodeStatus.nmt_state
@@ -25,73 +24,50 @@ class StatusRecord:
 
     def __init__(self) -> None:
         self._levels: dict[str, tuple[int, str]] = {}
-        self._reported: Ends[Reported] = Ends()
+        self._reported: Ends[ReportedEvent] = Ends()
         self._loads: list[tuple[float, float]] = []
         self._nodes: dict[int, _ReportedNode] = {}
-        self._losses: dict[str, _Counts] = {}
-        self._has_message = False
+        self._last: dict[str, PadCounts] = {}  # counters of each pad in its last message
+        self._within: dict[str, PadCounts] = {}  # counters of each pad within the recording
 
-    def feed_status(self, stamp: float, status: Any) -> None:
+    def feed(self, stamp: float, status: Any) -> None:
         """Process a SkinStatus."""
-        self._has_message = True
         self._loads.append((stamp, float(status.bus_load)))
         self._report(stamp, 'bus', status.level - OK_LEVEL, status.failure or status.message)
         for pad in status.pads:
             self._report(stamp, f'pad {pad.pad}', pad.level - OK_LEVEL, pad.message)
-            counts = dict(zip(pad.loss_reasons, map(int, pad.loss_counts)))
-            self._losses.setdefault(pad.pad, _Counts()).feed(counts)
+            self._count(pad.pad, counts_of_status(pad))
             for node in pad.nodes:
                 self._nodes.setdefault(node.node_id, _ReportedNode(node.node_id, pad.pad)).feed(stamp, node)
                 self._report(stamp, f'node {node.node_id}', int(bool(node.fault_text)), node.fault_text)
 
-    def feed_diagnostics(self, stamp: float, diagnostics: Any) -> None:
-        """Process a DiagnosticArray from any node."""
-        self._has_message = True
-        for status in diagnostics.status:
-            level = status.level if isinstance(status.level, int) else status.level[0]
-            self._report(stamp, status.name, level, status.message)
-
     def bus(self) -> BusReport:
         """Return the facts about the bus. ``reported`` holds changes of level or text, or None without messages."""
-        load = None
-        if self._loads:
-            stamps, shares = np.array(self._loads).T
-            load = LoadCurve(STATUS_PERIOD, read_only(stamps), None, read_only(shares), float(shares.mean()))
-        return BusReport(load, self._reported if self._has_message else None)
+        if not self._loads:
+            return BusReport(None)
+        stamps, shares = np.array(self._loads).T
+        load = LoadCurve(STATUS_PERIOD, read_only(stamps), None, read_only(shares), float(shares.mean()))
+        return BusReport(load, self._reported)
 
-    def losses(self, pad: str) -> tuple[tuple[str, int], ...] | None:
-        """Return the number of CAN frames lost in the recording, by reason. ``pad`` may include a namespace."""
-        counts = self._losses.get(pad.rpartition('/')[2])
-        return None if counts is None else counts.within()
+    def counts(self, pad: str) -> PadCounts | None:
+        """Return the counters within the recording, or None without messages. ``pad`` may include a namespace."""
+        return self._within.get(pad.rpartition('/')[2])
 
     def nodes(self) -> tuple[NodeReport, ...] | None:
         """Return the nodes of the pads, or None if no SkinStatus names a node."""
         return tuple(node.report for _, node in sorted(self._nodes.items())) or None
 
+    def _count(self, pad: str, counts: PadCounts) -> None:
+        new = counts.minus(self._last.get(pad, counts))
+        if not new.is_possible:  # counters decrease only when the driver restarts, which sets them to 0
+            new = counts
+        self._last[pad], self._within[pad] = counts, self._within.get(pad, PadCounts()).plus(new)
+
     def _report(self, stamp: float, where: str, level: int, message: str) -> None:
         before, now = self._levels.get(where, (0, '')), (level, message)
         self._levels[where] = now
         if before != now and (level > 0 or before[0] > 0):
-            self._reported.add(Reported(stamp, f'{where}: {message or "no fault"}', level > 0))
-
-
-class _Counts:
-    """Counts losses within the recording. The driver's counters decrease only when the driver restarts."""
-
-    def __init__(self) -> None:
-        self._last: Mapping[str, int] | None = None
-        self._within: Counter[str] = Counter()
-
-    def feed(self, counts: Mapping[str, int]) -> None:
-        before = counts if self._last is None else self._last
-        if any(count < before.get(reason, 0) for reason, count in counts.items()):
-            before = {}
-        for reason, count in counts.items():
-            self._within[reason] += count - before.get(reason, 0)
-        self._last = counts
-
-    def within(self) -> tuple[tuple[str, int], ...]:
-        return tuple((reason, count) for reason, count in self._within.items() if count)
+            self._reported.add(ReportedEvent(stamp, f'{where}: {message or "no fault"}', level > 0))
 
 
 class _ReportedNode:
@@ -103,11 +79,11 @@ class _ReportedNode:
     def feed(self, stamp: float, node: Any) -> None:
         state = {NMT_NOT_KNOWN: None, NMT_BOOT_UP: NmtState.BOOT_UP}.get(node.nmt_state, node.nmt_state)
         if state is not None and state != self._state:
-            self.report.nmt.add(NmtChange(stamp, state))
+            self.report.add_state(stamp, state)
         self._state = state
         new = 0 if self._count is None else node.emcy_count - self._count
         new = new if new >= 0 else node.emcy_count  # the counter fell because the driver restarted
         if new:
-            self.report.emergencies.add(Reported(stamp, node.emcy_last, bool(node.emcy_active)))
+            self.report.emergencies.add(ReportedEvent(stamp, node.emcy_last, bool(node.emcy_active)))
             self.report.emergencies.count += new - 1  # a NodeStatus holds only the last EMCY
         self._count = node.emcy_count

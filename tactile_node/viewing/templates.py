@@ -2,10 +2,13 @@
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+
+ABSENT_TEXT = 'not in this recording'
 
 
 @cache
@@ -14,8 +17,16 @@ def environment() -> 'Environment':
     # Jinja2 is imported here because the import is slow and not every command needs it.
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
-                       undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    found = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=printable,
+                        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    found.globals['absent_text'] = ABSENT_TEXT
+    return found
+
+
+@cache
+def shared() -> Any:
+    """Return the macros of shared.html, which the pages of the view and the report share."""
+    return environment().get_template('shared.html').module
 
 
 def printable(value: object) -> object:

@@ -8,14 +8,17 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
-from tactile_node.viewing.heat_map import words
-from tactile_node.viewing.page_parts import DrawnPad, Scales, said_of
-from tactile_node.viewing.source import Shown, ViewSource
+from tactile_node.colour_map import PALETTE
+from tactile_node.viewing.contact_text import contact_text
+from tactile_node.viewing.drawn_pad import DrawnPad, Scales, said_of
+from tactile_node.viewing.source import ViewSource, ViewState
 from tactile_node.viewing.templates import printable_text
 
 SHADES = ' .:-=+*#%@'
-#: xterm-256 colours, dark to bright
-XTERM_COLOURS = (16, 17, 18, 19, 54, 90, 126, 162, 198, 203, 208, 214, 220, 226, 229, 231)
+#: xterm-256 has a cube of 6 x 6 x 6 colours that starts at 16. These are the limits between its levels, of 255.
+CUBE_LIMITS = 48, 115, 155, 195, 235
+#: number of the xterm-256 colour next to each colour of PALETTE
+XTERM_COLOURS = 16 + np.searchsorted(CUBE_LIMITS, PALETTE) @ (36, 6, 1)
 CLEAR_LINE = '\x1b[2K'
 CLEAR_BELOW = '\x1b[J'  #: clears the rest of a taller previous picture
 PAD_GAP = '   '        #: space between two pads
@@ -88,7 +91,7 @@ LINE_PERIOD = 1.0  #: time between two lines of text [s]
 
 
 def show_in_terminal(source: ViewSource, stop_requested: Event, stream: TextIO | None = None,
-                     full_scale: float | None = None) -> None:
+                     full_scale: float = 0.0) -> None:
     """Show ``source`` until ``stop_requested`` is set or a recording reaches its end."""
     stream = sys.stdout if stream is None else stream
     live, scales, height = stream.isatty(), Scales(full_scale), 0
@@ -126,10 +129,10 @@ def _view(pad: DrawnPad) -> PadView:
 
 
 def _said(pad: DrawnPad) -> str:
-    return printable_text(words(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
+    return printable_text(contact_text(pad.state.contact)) if pad.state is not None and pad.is_live else said_of(pad)
 
 
-def _footer(source: ViewSource, shown: Shown) -> str:
+def _footer(source: ViewSource, shown: ViewState) -> str:
     player = source.player
     so_far = '' if player is None or player.is_complete else ' read so far'
     at = '' if player is None else f' {player.position:.1f} of {player.length:.1f} s{so_far}'

@@ -3,11 +3,9 @@
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-
 from tactile_node.pose.events import Event
-from tactile_node.pose.fit import ShapeFit
-from tactile_node.shape.recognition import ShapeClass, UnknownReason
+from tactile_node.shape.recognition import ShapeClass
+from tactile_node.viewing.states import PadState, SeenContact
 
 
 class Sample(NamedTuple):
@@ -20,31 +18,17 @@ class Sample(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Picture:
-    """The frame in which a touch pressed hardest."""
-
-    stamp: float
-    values: np.ndarray       #: taxel values (rows, cols), NaN where there is no valid value
-    fit: ShapeFit | None     #: fitted outline, or None if there is none
-
-
-@dataclass(frozen=True)
 class ReportedTouch:
     """A run of taxel frames with a contact, as defined in `touch_finder`."""
 
     begin: float
     end: float                    #: stamp of the last frame with the contact
     frames: int
-    taxels: int                   #: number of taxels in the frame in which the touch pressed hardest
-    shape: ShapeClass             #: shape that was recognised most often
-    reason: UnknownReason         #: reason why the shape is UNKNOWN
-    confidence: float             #: median confidence in this shape
-    force: float                  #: force in the frame in which the touch pressed hardest [N], or NaN if unknown
-    force_is_bound: bool          #: True if the force is a lower bound
-    size_is_bound: bool           #: True if the size is a lower bound
     is_open: bool                 #: True if the recording ends during the touch
-    dimensions: tuple[tuple[str, float], ...]  #: names and lengths of the dimensions of the fitted outline [m]
-    picture: Picture | None       #: picture of the touch, or None if the page already shows enough longer touches
+    #: the contact when it pressed hardest; its shape is the most frequent one, with the median of the confidence
+    contact: SeenContact
+    #: the frame in which the contact pressed hardest, or None if the page already shows enough longer touches
+    picture: PadState | None
     events: tuple[Event, ...] = ()  #: motion events detected from the centre of pressure
 
 

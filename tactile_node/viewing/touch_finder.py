@@ -18,60 +18,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_node.contact.press import SMALLEST_CONTACT
-from tactile_node.pose.events import Event, EventKind
-from tactile_node.pose.pipeline import ContactPipeline, FoundContact, StreamedContact, Taxels
+from tactile_node.pose.events import Event
+from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recognition import Shape, ShapeClass, UnknownReason
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
-from tactile_node.viewing.states import PadState, SeenContact, moving_words
-from tactile_node.viewing.touch import MOST_TOUCHES, Picture, ReportedTouch, Sample, TouchList
-
-
-class PadRecogniser:
-    """Recognises the contact on one pad, frame by frame. Several pads may share one ``recogniser``."""
-
-    def __init__(self, pad: str, pitch: float, unit: str, recogniser: VisibilityGuard):
-        self._pad, self._taxels, self._recogniser = pad, Taxels(pitch, unit), recogniser
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget the previous frames, for example after a jump in a recording."""
-        self._pipeline = ContactPipeline(self._recogniser)
-
-    def state(self, frame: TaxelFrame, acquired: float) -> PadState:
-        """Return the state of the pad in ``frame``.
-
-        Parameters
-        ----------
-        frame
-            Taxel frame of the pad.
-        acquired
-            Acquisition time of the frame on the steady clock [s].
-        """
-        result = self._pipeline.follow(frame.values, self._taxels, frame.stamp, **_marks(frame))
-        return PadState(self._pad, frame.stamp, acquired, frame.values, frame.status, self._taxels.pitch,
-                        self._taxels.unit or '', _seen(result, frame.stamp))
-
-
-def _marks(frame: TaxelFrame) -> dict[str, np.ndarray]:
-    """Return masks of the saturated and the unmapped taxels in ``frame``."""
-    return {'saturated': frame.status == TaxelStatus.SATURATED, 'unmapped': frame.status == TaxelStatus.UNMAPPED}
-
-
-def _seen(result: StreamedContact, stamp: float) -> SeenContact:
-    motion, event = result.motion, result.motion.last_event
-    contact, shape, fit, moments = result.contact, result.fused.recognition, result.fit, result.moments
-    return SeenContact(
-        shape=shape.shape.value, reason=shape.reason.name.lower() if shape.shape is Shape.UNKNOWN else '',
-        probabilities={each.value: value for each, value in shape.probabilities.items()},
-        outline=None if fit is None else fit.outline,
-        dimensions=() if fit is None else tuple(zip(fit.dimension_names, fit.dimensions)),
-        size_is_bound=fit is not None and moments.size_is_bound,
-        force=moments.force if contact.mask.any() or result.found.visibility.pad_seen else np.nan, mask=contact.mask,
-        force_is_bound=moments.force_is_bound,
-        moves=moving_words(motion.moving, motion.speed, motion.rate, event.kind if event else EventKind.NOT_KNOWN,
-                           stamp - event.stamp if event else np.inf))
-
+from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.viewing.pad_recogniser import seen_contact, taxel_masks
+from tactile_node.viewing.states import PadState
+from tactile_node.viewing.touch import MOST_TOUCHES, ReportedTouch, Sample, TouchList
 
 #: time between two shape recognitions in a touch [s]; at this period, recognition takes as long as the rest of a report
 RECOGNITION_PERIOD = 0.1
@@ -85,16 +39,18 @@ class ReportedTouchFinder:
 
     Parameters
     ----------
-    recogniser
-        Shape recogniser, which several finders may share.
+    pad
+        Name of the pad.
     pitch
         Distance between neighbouring taxels [m].
     unit
         Unit of the values.
+    recogniser
+        Shape recogniser, which several finders may share.
     """
 
-    def __init__(self, recogniser: VisibilityGuard, pitch: float, unit: str):
-        self._taxels = Taxels(pitch, unit)
+    def __init__(self, pad: str, pitch: float, unit: str, recogniser: VisibilityGuard):
+        self._pad, self._taxels = pad, Taxels(pitch, unit)
         self._pipeline = ContactPipeline(recogniser, fits=False)
         self._touch: _OpenTouch | None = None
         self._last: float | None = None  # stamp of the last frame
@@ -105,14 +61,14 @@ class ReportedTouchFinder:
         if self._last is not None and not 0 <= frame.stamp - self._last <= MAX_PAUSE:
             self._end(is_open=False)
         self._last = frame.stamp
-        found = self._pipeline.find(frame.values, self._taxels, **_marks(frame))
+        found = self._pipeline.find(frame.values, self._taxels, **taxel_masks(frame))
         pattern = found.pattern
         taxels = np.count_nonzero(pattern.mask)
         if taxels >= SMALLEST_CONTACT:
             if self._touch is None:
                 self._pipeline.restart()
-                self._touch = _OpenTouch(self._pipeline)
-            self._touch.feed(frame.stamp, found)
+                self._touch = _OpenTouch(self._pad, self._pipeline)
+            self._touch.feed(frame, found)
             return
         self.found.small_frames += bool(taxels)
         if self._touch is not None and (found.visibility.pad_seen or self._touch.shown(~pattern.hidden) >= RELEASED):
@@ -137,14 +93,13 @@ class ReportedTouchFinder:
 class _OpenTouch:
     """The touch that has not yet ended."""
 
-    def __init__(self, pipeline: ContactPipeline):
-        self._pipeline = pipeline
+    def __init__(self, pad: str, pipeline: ContactPipeline):
+        self._pad, self._pipeline = pad, pipeline
         self._begin = self._end = 0.0
         self._frames = 0
         self._most = -np.inf  # largest sum of the contact's values
-        self._stamp = 0.0     # stamp of the frame with this sum
+        self._strongest: tuple[TaxelFrame, FoundContact] | None = None  # the frame with this sum
         self._last = np.zeros(0, bool)  # taxels pressed in the last frame
-        self._strongest: FoundContact | None = None  # contact in the frame with the largest sum
         self._reasons: Counter[UnknownReason] = Counter()
         self.samples: list[Sample] = []
         self._events: list[Event] = []
@@ -153,32 +108,32 @@ class _OpenTouch:
         """Return the visible fraction of the last pressed taxels, given the mask ``seen``, bool (rows, cols)."""
         return float(seen[self._last].mean())
 
-    def feed(self, stamp: float, found: FoundContact) -> None:
+    def feed(self, frame: TaxelFrame, found: FoundContact) -> None:
         pattern = found.pattern
         self._last = pattern.mask
         if not self._frames:
-            self._begin = stamp
-        self._end = stamp
+            self._begin = frame.stamp
+        self._end = frame.stamp
         self._frames += 1
         pressed = float(np.nansum(pattern.values, where=pattern.mask))
         if pressed > self._most:
-            self._most, self._stamp, self._strongest = pressed, stamp, found
-        if not self.samples or stamp - self.samples[-1].stamp >= RECOGNITION_PERIOD:
-            self._recognise(stamp, found)
+            self._most, self._strongest = pressed, (frame, found)
+        if not self.samples or frame.stamp - self.samples[-1].stamp >= RECOGNITION_PERIOD:
+            self._recognise(frame.stamp, found)
 
     def closed(self, is_open: bool) -> ReportedTouch:
         assert self._strongest is not None
         shape = _most_frequent([sample.shape for sample in self.samples])
         confidence = float(np.median([sample.confidence for sample in self.samples if sample.shape == shape]))
-        found, _ = self._pipeline.recognise_alone(self._strongest)
-        pattern, fit, moments = found.pattern, found.fit(shape), found.moments
+        frame, strongest = self._strongest
+        found, _ = self._pipeline.recognise_alone(strongest)
         reason = self._reasons.most_common(1)[0][0] if shape is Shape.UNKNOWN else UnknownReason.NOT_UNKNOWN
-        return ReportedTouch(
-            begin=self._begin, end=self._end, frames=self._frames, taxels=int(np.count_nonzero(pattern.mask)),
-            shape=shape, reason=reason, confidence=confidence, force=moments.force,
-            force_is_bound=moments.force_is_bound, size_is_bound=moments.size_is_bound, is_open=is_open,
-            dimensions=() if fit is None else tuple(zip(fit.dimension_names, fit.dimensions)),
-            picture=Picture(self._stamp, pattern.values, fit), events=tuple(self._events))
+        contact = seen_contact(shape, reason, {shape.value: confidence}, found.pattern.mask, found.fit(shape),
+                               found.moments)
+        taxels = found.taxels
+        picture = PadState(self._pad, frame.stamp, frame.stamp, frame.values, frame.status, taxels.pitch,
+                           taxels.unit or '', contact)
+        return ReportedTouch(self._begin, self._end, self._frames, is_open, contact, picture, tuple(self._events))
 
     def _recognise(self, stamp: float, found: FoundContact) -> None:
         result = self._pipeline.recognise(found, stamp)

@@ -1,17 +1,19 @@
-"""HTML table of the bus and pad status, with losses by reason."""
+"""Table of the counts of a bus and its pads, with losses by reason, for the page of the view and for the report."""
 
 import math
 from collections import deque
 
 from markupsafe import Markup
 
-from tactile_node.viewing.page_parts import macros
-from tactile_node.viewing.states import BusFacts, NodeFacts, PadFacts
+from tactile_node.viewing.states import BusFacts, NodeFacts, PadCounts, PadFacts
+from tactile_node.viewing.templates import shared
+
+#: name, text, and True if the row reports a problem
+Row = tuple[str, str, bool]
 
 MOST_FAULTY_TAXELS = 8  #: maximum number of faulty taxels listed
 OLD_STATUS_AGE = 3.0  #: age above which a status is marked as old [s]; the driver publishes a status every second
 RECENT_TIME = 60.0  #: age up to which losses are shown in red [s]
-NO_PAD = PadFacts('', 0, 0, 0, 0, {})
 
 
 class HealthHistory:
@@ -37,7 +39,7 @@ class HealthHistory:
         float
             Age of the returned facts at ``stamp`` [s].
         """
-        expected = sum(pad.expected for pad in facts.pads)
+        expected = sum(pad.counts.expected for pad in facts.pads)
         if self._facts and expected < self._facts[-1][1]:
             self._facts.clear()  # the driver restarted, so its counters restarted at 0
         if not self._facts or stamp > self._facts[-1][0]:  # the stamp stops advancing when the driver exits
@@ -47,7 +49,7 @@ class HealthHistory:
         return self._facts[0][2], stamp - self._facts[0][0]
 
 
-def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFacts, float] | None = None) -> str:
+def counts_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFacts, float] | None = None) -> str:
     """Return the table as HTML.
 
     The table does not show whether a pad is live, because the page updates the pads more often than the table.
@@ -75,27 +77,45 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     earlier, span = before or (BusFacts('', 0.0, {}, ()), None)
     rows += [_counted(_words(name), str(count), count - earlier.counts.get(name, 0), span)
              for name, count in facts.counts.items()]
-    before_by_pad = {pad.pad: pad for pad in earlier.pads}
+    before_by_pad = {pad.pad: pad.counts for pad in earlier.pads}
     for pad in facts.pads:
-        rows.append((Markup('<b>{}</b>').format(pad.pad), '', False))
-        rows += _pad_rows(pad, before_by_pad.get(pad.pad, NO_PAD), span)
-    return str(macros().health(rows))
+        recent = pad.counts.minus(before_by_pad.get(pad.pad, PadCounts()))
+        rows += [(Markup('<b>{}</b>').format(pad.pad), '', False), _frame_row(pad.counts, recent, span),
+                 *tpdo_rows(pad.counts, recent, span), *_fault_rows(pad)]
+    return str(shared().facts(rows))
 
 
-def _counted(name: str, text: str, recent: int, span: float | None) -> tuple[str, str, bool]:
+def tpdo_rows(counts: PadCounts, recent: PadCounts, span: float | None = None) -> list[Row]:
+    """Return the rows about the TPDOs of a pad: used, missing, and lost for each reason.
+
+    Parameters
+    ----------
+    counts
+        Counters of the pad.
+    recent
+        Counters since the earlier facts with which the table is compared. Losses among them are shown in red.
+    span
+        Age of the earlier facts [s], or None if there are none.
+    """
+    missing = counts.expected - counts.used
+    return [_counted('TPDOs', f'{counts.received} received, {counts.used} used of {counts.expected} expected, '
+                     f'{missing} missing', recent.expected - recent.used, span),
+            *(_counted(f'lost: {_words(reason)}', str(count), recent.losses.get(reason, 0), span)
+              for reason, count in counts.losses.items())]
+
+
+def _counted(name: str, text: str, recent: int, span: float | None) -> Row:
     """Return a counter's table row, with the ``recent`` counts of the last ``span`` [s] unless ``span`` is None."""
     return name, text if span is None else f'{text} ({recent} in {span:.0f} s)', recent > 0
 
 
-def _pad_rows(pad: PadFacts, before: PadFacts, span: float | None) -> list[tuple[str, str, bool]]:
-    missing = pad.expected - pad.used
-    rows = [_counted('frames', f'{pad.frames_complete} complete, {pad.frames_incomplete} incomplete',
-                     pad.frames_incomplete - before.frames_incomplete, span),
-            _counted('TPDOs', f'{pad.used} used of {pad.expected} expected, {missing} missing',
-                     missing - before.expected + before.used, span)]
-    rows += [_counted(f'lost: {_words(reason)}', str(count), count - before.losses.get(reason, 0), span)
-             for reason, count in pad.losses.items()]
-    rows += [(f'node {node.node_id}', _node(node), bool(node.fault)) for node in pad.nodes]
+def _frame_row(counts: PadCounts, recent: PadCounts, span: float | None) -> Row:
+    return _counted('frames', f'{counts.frames_complete} complete, {counts.frames_incomplete} incomplete',
+                    recent.frames_incomplete, span)
+
+
+def _fault_rows(pad: PadFacts) -> list[Row]:
+    rows = [(f'node {node.node_id}', _node(node), bool(node.fault)) for node in pad.nodes]
     if pad.faulty_taxels:
         listed = ', '.join(f'({row}, {col}) {fault}' for row, col, fault in pad.faulty_taxels[:MOST_FAULTY_TAXELS])
         rows.append(('faulty taxels', f'{len(pad.faulty_taxels)}: {listed}', True))
