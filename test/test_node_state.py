@@ -132,7 +132,7 @@ def test_a_reopened_bus_is_a_new_chance():
         state, _ = step(state, MUTE, now)
         state, _ = step(state, NodeEvent.ATTEMPTED, now)
     assert step(state, MUTE, 3.1)[1] == ()
-    state, _ = step(state, NodeEvent.OPENED, 3.1)
+    state, _ = step(state, UNPLUGGED, 3.1)
     assert step(state, MUTE, 3.1)[1] == RESTART
 
 
@@ -158,7 +158,7 @@ def test_a_failed_bus_is_an_outage_of_its_nodes_until_their_taxels_are_back():
     unconfigured = MUTE._replace(setup_fault=NodeFault.UNCONFIGURED, data_at=103.0)
     failed = observed(WELL, UNPLUGGED, UNPLUGGED)
     assert (failed.fault, failed.outages.cause) == (NodeFault.AWAITING_TAXELS, UNPLUGGED)
-    opened = observed(WELL, UNPLUGGED, UNPLUGGED, NodeEvent.OPENED, unconfigured)
+    opened = observed(WELL, UNPLUGGED, UNPLUGGED, UNPLUGGED, unconfigured)
     assert (opened.fault, opened.outages.count) == (NodeFault.UNCONFIGURED, 1)
     assert (opened.outages.cause, opened.outages.current) == (UNPLUGGED, NodeFault.UNCONFIGURED)
     well, _ = step(opened, WELL, 106.0)

@@ -67,7 +67,6 @@ class NodeSeen(NamedTuple):
 class NodeEvent(Enum):
     """An event without further data."""
 
-    OPENED = auto()     #: the bus was opened, so a recovery may succeed
     STOPPED = auto()    #: no taxels are expected from now on
     ATTEMPTED = auto()  #: the actions of the last step were carried out, with or without success
 
@@ -75,7 +74,7 @@ class NodeEvent(Enum):
 class Retries(NamedTuple):
     """Attempts to recover from one fault. The second attempt follows after FIRST_PAUSE, and each pause doubles.
 
-    >>> attempted = Retries().after(10.0).after(20.0).after(30.0)
+    >>> attempted = Retries().attempted(10.0).attempted(20.0).attempted(30.0)
     >>> Retries().is_due(0.0), attempted.is_due(30.39), attempted.is_due(30.41), attempted.is_due(30.31, longest=0.3)
     (True, False, True, True)
     """
@@ -83,9 +82,13 @@ class Retries(NamedTuple):
     count: int = 0
     last: float = -inf  #: time of the last attempt [s]; it may belong to an earlier fault
 
-    def after(self, now: float) -> 'Retries':
+    def attempted(self, now: float) -> 'Retries':
         """Return the attempts including one that ended now."""
         return Retries(self.count + 1, now)
+
+    def restarted(self) -> 'Retries':
+        """Return no attempts, because the circumstances have changed and the next attempt may succeed."""
+        return Retries(0, self.last)
 
     def is_due(self, now: float, longest: float = LAST_PAUSE) -> bool:
         """Return True if the next attempt is due. The pause is never longer than ``longest`` [s]."""
@@ -124,14 +127,12 @@ def step(state: NodeState, event: NodeSeen | Failure | NodeEvent, now: float) ->
             return state, _actions_due(state, event, now)
         case Failure():
             fault = NodeFault.AWAITING_TAXELS if state.fault is NodeFault.NONE else state.fault
-            return replace(state, fault=fault, outages=state.outages.begin(now, event)), ()
-        case NodeEvent.OPENED:
-            return replace(state, retries=state.retries._replace(count=0)), ()
+            return NodeState(fault, state.outages.begin(now, event), state.retries.restarted(), state.retried), ()
         case NodeEvent.STOPPED:
             fault = NodeFault.NONE if state.fault is NodeFault.AWAITING_TAXELS else state.fault
-            return replace(state, fault=fault, outages=state.outages.end(now)), ()
+            return NodeState(fault, state.outages.end(now), state.retries.restarted(), state.retried), ()
         case NodeEvent.ATTEMPTED:
-            return replace(state, retries=state.retries.after(now)), ()
+            return replace(state, retries=state.retries.attempted(now)), ()
 
 
 def fault_of(seen: NodeSeen) -> NodeFault:
@@ -164,7 +165,7 @@ def _without_fault(state: NodeState, seen: NodeSeen, now: float) -> NodeState:
 def _with_fault(state: NodeState, seen: NodeSeen, fault: NodeFault, now: float) -> NodeState:
     stops_taxels = Action.CHECK not in RECOVERY[fault]
     outages = state.outages.begin(seen.data_at, fault) if stops_taxels and seen.is_active else state.outages
-    retries = state.retries if fault is state.retried else state.retries._replace(count=0)
+    retries = state.retries if fault is state.retried else state.retries.restarted()
     return NodeState(fault, outages, retries, retried=fault)
 
 

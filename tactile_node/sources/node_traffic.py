@@ -14,34 +14,8 @@ BACKLOG_TIME = 1.0  #: time for which received frames may be a backlog after a s
 MOST_PENDING = 3  #: number of TPDOs that may be pending in a device or an adapter at the start
 
 
-class CountWindow:
-    """Samples of message counts from the last seconds."""
-
-    def __init__(self) -> None:
-        self.samples: deque[tuple[float, tuple[int, ...]]] = deque()  #: times [s] and counts, oldest first
-
-    def restart(self) -> None:
-        """Forget all samples, so that later counts are not compared with old samples."""
-        self.samples.clear()
-
-    def add(self, now: float, counts: tuple[int, ...], pause: float, window: float) -> None:
-        """Add a sample of the counts, and drop samples older than the window.
-
-        Parameters
-        ----------
-        now
-            Present time [s].
-        counts
-            Counts so far.
-        pause
-            Minimum time between two samples [s].
-        window
-            Length of the window [s].
-        """
-        if not self.samples or now - self.samples[-1][0] >= pause:
-            self.samples.append((now, counts))
-        while len(self.samples) > 1 and now - self.samples[1][0] >= window:
-            self.samples.popleft()
+#: Samples of message counts from the last seconds, oldest first: time [s] and counts.
+Samples = deque[tuple[float, tuple[int, ...]]]
 
 
 class NodeTraffic:
@@ -58,8 +32,8 @@ class NodeTraffic:
         self._tpdos = tuple(SentTpdo(tpdo.number, tpdo.cob_id.of(node.node_id)) for tpdo in node.layout.tpdos)
         self._fresh: tuple[int, ...] = ()  # count of each TPDO at the last evaluation
         self._fresh_at: list[float] = []  # time when the count of each TPDO last increased
-        self._heartbeats = CountWindow()
-        self._received = CountWindow()
+        self._heartbeats: Samples = deque()
+        self._received: Samples = deque()
         self._two_seen: float | None = None  # time when two devices were last seen
         self._signs = 0  # total number of heartbeats and TPDOs at the last evaluation
         self._signs_at = 0.0  # time when the number of heartbeats and TPDOs last changed
@@ -121,7 +95,7 @@ class NodeTraffic:
             self._two_seen = None
             self.surplus = ()
         if not sends:
-            self._received.restart()
+            self._received.clear()
         elif surplus := self._surplus(now, pad.syncs + bus.foreign_syncs, received, delay):
             self._two_seen = now
             self.surplus = self._named(surplus)
@@ -131,8 +105,8 @@ class NodeTraffic:
 
     def _forget_counts(self) -> None:
         """Forget the earlier counts, because comparing with them would give a wrong result."""
-        self._heartbeats.restart()
-        self._received.restart()
+        self._heartbeats.clear()
+        self._received.clear()
 
     def _is_backlog(self, now: float, signs: int, silence: float) -> bool:
         """Return True if frames received now may be a backlog, because ``silence`` [s] passed without frames."""
@@ -160,8 +134,8 @@ class NodeTraffic:
         An adapter may deliver CAN frames up to ``delay`` [s] late. Therefore the TPDOs received in the last 2 ``delay``
         are compared with the SYNCs of the last 3 ``delay``.
         """
-        self._received.add(now, (syncs, *received), delay / 10, 3 * delay)
-        samples = self._received.samples
+        samples = self._received
+        _add_sample(samples, now, (syncs, *received), delay / 10, 3 * delay)
         _, (_, *then) = next(sample for sample in samples if now - sample[0] <= 2 * delay or sample is samples[-1])
         _, (syncs_then, *_) = samples[0]
         allowed = syncs - syncs_then + MOST_PENDING
@@ -174,13 +148,21 @@ class NodeTraffic:
         may have held back CAN frames for ``delay`` [s].
         """
         if not period:
-            self._heartbeats.restart()
+            self._heartbeats.clear()
             return False
         window = 3 * (delay + 2 * period)
         heartbeats, guarded = self._heard.heartbeats, self._heard.guarded
-        self._heartbeats.add(now, (heartbeats, guarded), window / 10, window)
-        begun, (heartbeats_then, guarded_then) = self._heartbeats.samples[0]
+        _add_sample(self._heartbeats, now, (heartbeats, guarded), window / 10, window)
+        begun, (heartbeats_then, guarded_then) = self._heartbeats[0]
         if now - begun < window or guarded != guarded_then:
             return False  # in the second case, the node also answers node guarding by another master
         expected = 1.25 * (now - begun + delay) / period + 2  # tolerates clock errors and pauses of the producer
         return heartbeats - heartbeats_then > expected
+
+
+def _add_sample(samples: Samples, now: float, counts: tuple[int, ...], pause: float, window: float) -> None:
+    """Add the present counts, unless a sample is younger than ``pause`` [s]. Drop samples older than ``window`` [s]."""
+    if not samples or now - samples[-1][0] >= pause:
+        samples.append((now, counts))
+    while len(samples) > 1 and now - samples[1][0] >= window:
+        samples.popleft()

@@ -37,16 +37,16 @@ class SupervisedNode:
         Bus of the node.
     monitor
         Monitor of the node.
-    is_recovered
+    recover
         True to recover the node from faults, False to only log its faults.
     """
 
-    def __init__(self, bus: SkinBus, monitor: NodeMonitor, is_recovered: bool):
+    def __init__(self, bus: SkinBus, monitor: NodeMonitor, recover: bool):
         self.monitor = monitor
         self.pad = monitor.node.pad
         self.node_id = monitor.node.node_id
         self._bus = bus
-        self._is_recovered = is_recovered
+        self._recover = recover
         self._state = NodeState()
         self._actions: tuple[Action, ...] = ()  # actions that are due since the last event
         self._emergencies_reported = 0
@@ -57,24 +57,9 @@ class SupervisedNode:
     def health(self, now: float) -> NodeHealth:
         return self.monitor.health(now, self._state)
 
-    def open(self, now: float) -> None:
-        """Record that the bus was opened."""
-        self.monitor.expect(now)
-        self._handle(NodeEvent.OPENED, now)
-
-    def command(self, now: float, is_active: bool) -> None:
-        """Record that the node was commanded to send taxels if ``is_active`` is True, and to stop otherwise."""
-        self.monitor.commanded(now, self._bus.statistics().pads[self.pad])
-        if not is_active:
-            self.end_outage(now)
-
-    def end_outage(self, now: float) -> None:
-        """Record that no taxels are expected from now on."""
-        self._handle(NodeEvent.STOPPED, now)
-
-    def lose_bus(self, now: float, failure: Failure) -> None:
-        """Record that the bus has failed, and that the node gives no taxels because of this failure."""
-        self._handle(failure, now)
+    def handle(self, event: NodeSeen | Failure | NodeEvent, now: float) -> None:
+        """Update the state and the actions that are due. ``event`` occurred at ``now`` [s]."""
+        self._state, self._actions = step(self._state, event, now)
 
     def configure(self, timeout: float) -> DeviceAbsentError | None:
         """Configure the node at the start. Return the error if the node does not answer.
@@ -116,7 +101,7 @@ class SupervisedNode:
         """
         self._log_emergency(now)
         before = self._state
-        self._handle(self.monitor.look(now, is_active, pad, bus), now)
+        self.handle(self.monitor.look(now, is_active, pad, bus), now)
         state = self._state
         if before.outages.current is not None and state.outages.current is None:
             logger.info('%s %s again after %.2f s. Cause of the outage: %s.',
@@ -126,9 +111,9 @@ class SupervisedNode:
             self.monitor.device_errors = None
             self._fault_reminder.reset()
         if state.fault in RECOVERY and self._fault_reminder.is_due(state.fault.name, now):
-            reaction = f' {reaction_text(state.fault)}' if self._is_recovered else ''
+            reaction = f' {reaction_text(state.fault)}' if self._recover else ''
             logger.error('%s%s', node_text(self.pad, self.health(now)), reaction, extra={'fact': state.fault})
-        return self._is_recovered and bool(self._actions)
+        return self._recover and bool(self._actions)
 
     def recover(self) -> None:
         """Carry out the actions that are due. If one action fails, log the reason and leave out the other actions."""
@@ -149,10 +134,7 @@ class SupervisedNode:
             is_news = self._state.fault is not NodeFault.SILENT
             if is_news and self._retry_reminder.is_due(str(error), time.monotonic()):
                 logger.error('Waiting for node %d: %s', self.node_id, error, extra={'fact': error})
-        self._handle(NodeEvent.ATTEMPTED, time.monotonic())
-
-    def _handle(self, event: NodeSeen | Failure | NodeEvent, now: float) -> None:
-        self._state, self._actions = step(self._state, event, now)
+        self.handle(NodeEvent.ATTEMPTED, time.monotonic())
 
     def _carry_out(self, action: Action, is_sending: bool) -> None:
         match action:
@@ -162,7 +144,7 @@ class SupervisedNode:
                 self._configure(ANSWER_TIME, pause=False)
             case Action.START:
                 self._bus.start_node(self.monitor.node, was_silent=not is_sending)
-                self.command(time.monotonic(), is_active=True)
+                self.monitor.commanded(time.monotonic(), self._bus.statistics().pads[self.pad])
             case Action.READ_ERRORS:
                 self._read_errors()
 

@@ -24,7 +24,7 @@ from tactile_node.errors import BusError, LogError
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.bus_watch import BusWatch
 from tactile_node.sources.node_monitor import NodeMonitor
-from tactile_node.sources.node_state import Retries
+from tactile_node.sources.node_state import NodeEvent, Retries
 from tactile_node.sources.supervised_node import SupervisedNode
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.threads import ReportedThread
@@ -97,8 +97,8 @@ class Supervisor:
                 self._silent_since = None
                 self._watch.overload.restart()
                 for node in self._nodes:
-                    node.end_outage(now)
-                    node.open(now)
+                    node.handle(NodeEvent.STOPPED, now)
+                    node.monitor.expect(now)
                 self._closing.clear()
                 self._thread = ReportedThread(self._supervise, 'supervisor')
                 self._thread.start()
@@ -175,8 +175,11 @@ class Supervisor:
         return heartbeat_timeout, max(heartbeat_timeout, 5 * self._settings.sync_period)
 
     def _set_active(self, is_active: bool) -> None:
+        now, pads = time.monotonic(), self.statistics().pads
         for node in self._nodes:
-            node.command(time.monotonic(), is_active)
+            node.monitor.commanded(now, pads[node.pad])
+            if not is_active:
+                node.handle(NodeEvent.STOPPED, now)
         self._is_active = is_active
 
     def _supervise(self) -> None:
@@ -236,10 +239,10 @@ class Supervisor:
             return
         self._outages = self._outages.begin(now, failure)
         for node in self._nodes:
-            node.lose_bus(now, failure)
+            node.handle(failure, now)
         if self._retries.is_due(now):
             self._reopen()
-            self._retries = self._retries.after(time.monotonic())
+            self._retries = self._retries.attempted(time.monotonic())
 
     def _reopen(self) -> None:
         """Reopen the bus with a new reception thread and queue. The counts continue."""
@@ -257,7 +260,7 @@ class Supervisor:
                 logger.error('Waiting for the CAN bus: %s', error, extra={'fact': error})
             return
         for node in self._nodes:
-            node.open(time.monotonic())
+            node.monitor.expect(time.monotonic())
 
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
         acquired = time.monotonic() - self.age(frame.stamp)
