@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tactile_node.assembly.health import BusFault, Failure, NodeFault
-from tactile_node.sources.node_state import RECOVERY, Action, NodeEvent, NodeSeen, NodeState, fault_of, step
+from tactile_node.sources.node_state import RECOVERY, Action, NodeEvent, NodeSeen, NodeState, Retries, fault_of, step
 
 ROUND = 0.02  # Time between two observations [s].
 WELL = NodeSeen(
@@ -49,6 +49,7 @@ def attempts(seen: Callable[[float], NodeSeen], seconds: float, state: NodeState
     ({'is_silent': True}, NodeFault.NO_HEARTBEAT, (CHECK, START)),
     ({'is_silent': True, 'refuses_check': True}, NodeFault.NO_HEARTBEAT, RESTART),
     ({'is_operational': False}, NodeFault.NOT_OPERATIONAL, (START,)),
+    ({'is_operational': False, 'refuses_check': True}, NodeFault.NOT_OPERATIONAL, (START,)),
     ({'is_operational': False, 'is_executing': True}, NodeFault.NONE, ()),
     ({'misses_tpdos': True}, NodeFault.TPDO_MISSING, (CHECK,)),
     ({'misses_tpdos': True, 'refuses_check': True}, NodeFault.TPDO_MISSING, RESTART),
@@ -98,6 +99,7 @@ def test_attempts_that_disturb_a_working_node_become_rare(seen):
     pauses = [round(after - before, 2) for before, after in zip(times, times[1:])]
     assert pauses[:10] == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 25.6, 30.0], abs=2 * ROUND)
     assert max(pauses) <= 30.0 + ROUND
+    assert not Retries(5000, last=100.0).is_due(129.9, longest=30.0), 'the pause has no overflow'
 
 
 def test_a_new_fault_is_attended_to_at_once():
@@ -126,13 +128,14 @@ def test_a_returning_fault_is_new_after_ten_seconds_without_it():
     assert attempts(seen, 10.2) == [*before, 10.0]  # in the row of attempts, the pause is over, and the next is longer
 
 
-def test_a_reopened_bus_is_a_new_chance():
+@pytest.mark.parametrize('event', [UNPLUGGED, NodeEvent.STOPPED], ids=['bus failed', 'stopped'])
+def test_a_change_of_the_circumstances_is_a_new_chance(event):
     state = NodeState()
     for now in (0.0, 1.0, 2.0, 3.0):
         state, _ = step(state, MUTE, now)
         state, _ = step(state, NodeEvent.ATTEMPTED, now)
     assert step(state, MUTE, 3.1)[1] == ()
-    state, _ = step(state, UNPLUGGED, 3.1)
+    state, _ = step(state, event, 3.1)
     assert step(state, MUTE, 3.1)[1] == RESTART
 
 

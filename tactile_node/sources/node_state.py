@@ -80,20 +80,16 @@ class Retries(NamedTuple):
     """
 
     count: int = 0
-    last: float = -inf  #: time of the last attempt [s]; it may belong to an earlier fault
+    last: float = -inf  #: time when the last attempt ended [s]
 
     def attempted(self, now: float) -> 'Retries':
         """Return the attempts including one that ended now."""
         return Retries(self.count + 1, now)
 
-    def restarted(self) -> 'Retries':
-        """Return no attempts, because the circumstances have changed and the next attempt may succeed."""
-        return Retries(0, self.last)
-
     def is_due(self, now: float, longest: float = LAST_PAUSE) -> bool:
         """Return True if the next attempt is due. The pause is never longer than ``longest`` [s]."""
-        return not self.count or now >= self.last + min(
-            FIRST_PAUSE * 2 ** min(self.count - 1, MOST_DOUBLINGS), longest)
+        pause = FIRST_PAUSE * 2 ** min(self.count - 1, MOST_DOUBLINGS)
+        return now >= self.last + min(pause, longest)
 
 
 @dataclass(frozen=True)
@@ -127,10 +123,10 @@ def step(state: NodeState, event: NodeSeen | Failure | NodeEvent, now: float) ->
             return state, _actions_due(state, event, now)
         case Failure():
             fault = NodeFault.AWAITING_TAXELS if state.fault is NodeFault.NONE else state.fault
-            return NodeState(fault, state.outages.begin(now, event), state.retries.restarted(), state.retried), ()
+            return NodeState(fault, state.outages.begin(now, event), Retries(), state.retried), ()
         case NodeEvent.STOPPED:
             fault = NodeFault.NONE if state.fault is NodeFault.AWAITING_TAXELS else state.fault
-            return NodeState(fault, state.outages.end(now), state.retries.restarted(), state.retried), ()
+            return NodeState(fault, state.outages.end(now), Retries(), state.retried), ()
         case NodeEvent.ATTEMPTED:
             return replace(state, retries=state.retries.attempted(now)), ()
 
@@ -165,7 +161,7 @@ def _without_fault(state: NodeState, seen: NodeSeen, now: float) -> NodeState:
 def _with_fault(state: NodeState, seen: NodeSeen, fault: NodeFault, now: float) -> NodeState:
     stops_taxels = Action.CHECK not in RECOVERY[fault]
     outages = state.outages.begin(seen.data_at, fault) if stops_taxels and seen.is_active else state.outages
-    retries = state.retries if fault is state.retried else state.retries.restarted()
+    retries = state.retries if fault is state.retried else Retries()
     return NodeState(fault, outages, retries, retried=fault)
 
 
