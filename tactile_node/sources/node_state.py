@@ -79,16 +79,16 @@ class Retries(NamedTuple):
     (True, False, True, True)
     """
 
-    count: int = 0
+    made: int = 0  #: number of attempts
     last: float = -inf  #: time when the last attempt ended [s]
 
     def attempted(self, now: float) -> 'Retries':
         """Return the attempts including one that ended now."""
-        return Retries(self.count + 1, now)
+        return Retries(self.made + 1, now)
 
     def is_due(self, now: float, longest: float = LAST_PAUSE) -> bool:
         """Return True if the next attempt is due. The pause is never longer than ``longest`` [s]."""
-        pause = FIRST_PAUSE * 2 ** min(self.count - 1, MOST_DOUBLINGS)
+        pause = FIRST_PAUSE * 2 ** min(self.made - 1, MOST_DOUBLINGS)
         return now >= self.last + min(pause, longest)
 
 
@@ -172,6 +172,6 @@ def _actions_due(state: NodeState, seen: NodeSeen, now: float) -> tuple[Action, 
     if seen.refuses_check and Action.CHECK in actions:
         actions = RESTART
     left_out = set() if seen.is_active else {Action.START}
-    if not state.retries.count:
+    if not state.retries.made:
         left_out.add(Action.READ_ERRORS)  # most nodes start at the first command
     return tuple(action for action in actions if action not in left_out)
