@@ -51,7 +51,7 @@ class NodeMonitor:
         self.set_timeouts(heartbeat_timeout, data_timeout)
         self.traffic = NodeTraffic(node, self._heard)
         self._configured: Setup | None = None
-        self.trusted_from = 0.0  #: time before which the node's TPDOs may not match the layout
+        self._trusted_from = 0.0  # time before which the node's TPDOs may not match the layout
         self._heartbeat_time: float | None = None  # heartbeat time of the device [s], or None if unknown
         self._heartbeat_writes = 0  # number of writes to the heartbeat time by other masters before the configuration
         #: number of taxel frames emitted without the node's values, because its TPDOs may not have matched the layout
@@ -124,7 +124,7 @@ class NodeMonitor:
             Heartbeat time of the device [s], or None if unknown.
         """
         if not self.is_trusted:
-            self.trusted_from = now
+            self._trusted_from = now
         self._configured = setup
         self._heartbeat_time = heartbeat_time
         self._heartbeat_writes = self._monitor.heartbeat_writes[self.node.node_id]
@@ -205,9 +205,9 @@ class NodeMonitor:
         if not self.is_trusted or self.traffic.are_two:
             return carriers
         if ages is None:
-            return () if acquired >= self.trusted_from else carriers
+            return () if acquired >= self._trusted_from else carriers
         return [carrier for carrier in carriers
-                if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self.trusted_from]
+                if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self._trusted_from]
 
     def _look_at_traffic(self, now: float, is_active: bool, pad: PadStatistics, bus: BusSeen) -> None:
         were_two = self.traffic.are_two
