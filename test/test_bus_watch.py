@@ -9,13 +9,15 @@ from collections.abc import Callable
 import pytest
 
 from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.assembly.frame_source import PadStatistics
 from tactile_node.assembly.health import NodeFault, Overload, SyncFault
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_node.sources.bus_watch import OverloadWatch, SyncWatch
+from tactile_node.sources.bus_watch import BusCounts, OverloadWatch, SyncWatch
 from tactile_node.sources.node_monitor import NodeMonitor
-from tactile_node.sources.node_traffic import BusCounts, HeartbeatWatch, NodeTraffic, SurplusTpdos
+from tactile_node.sources.node_state import fault_of
+from tactile_node.sources.node_traffic import NodeTraffic
 
 STEP = 0.02  # Time between two updates of the watches [s].
 DELAY = 0.5  # Delay [s].
@@ -25,63 +27,102 @@ def times(seconds: float, begin: float = 0.0) -> list[float]:
     return [begin + i * STEP for i in range(round(seconds / STEP))]
 
 
-def rounds_of(count: float, seconds: float = 10.0):
-    """Return the time of each update and the number of heartbeats received until then.
+def looks(sent: Callable[[float], int], answers: Callable[[int], bool] = lambda number: False,
+          seconds: float = 12.0) -> list[tuple[float, bool]]:
+    """Return, for each update, its time and True if the node then counts as two devices.
 
-    The heartbeat period is 0.1 s, and ``count`` heartbeats arrive in each period.
+    Parameters
+    ----------
+    sent
+        Returns the number of heartbeats received up to a time [s].
+    answers
+        Returns True if the heartbeat with a number is an answer to node guarding, which has a toggle bit.
+    seconds
+        Duration [s].
     """
-    return [(now, int(count * now / 0.1)) for now in times(seconds)]
+    heartbeats = Heartbeats()
+    traffic, pad = traffic_of(heartbeats)
+    seen = []
+    for now in times(seconds):
+        while (number := heartbeats.of(32).heartbeats) < sent(now):
+            heartbeats.feed(0x720, b'\x85' if answers(number) else b'\x05')
+        traffic.look(now, False, pad, BusCounts(0), 0.1, DELAY)
+        seen.append((now, traffic.are_two))
+    return seen
+
+
+def traffic_of(heartbeats: Heartbeats) -> tuple[NodeTraffic, PadStatistics]:
+    """Return the traffic of node 32, and the counts of its pad before the first TPDO."""
+    node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
+    return NodeTraffic(node, heartbeats.of(32)), FrameAssembler(node.layout, (32,)).statistics()
 
 
 @pytest.mark.parametrize(('count', 'are_two'), [(1.0, False), (1.1, False), (2.0, True), (1.9, True)])
 def test_heartbeats_of_two_producers_are_twice_as_many(count, are_two):
-    watch = HeartbeatWatch()
-    seen = [watch.is_doubled(now, heartbeats, 0, 0.1, DELAY) for now, heartbeats in rounds_of(count)]
+    """The heartbeat period is 0.1 s, and ``count`` heartbeats arrive in each period."""
+    seen = [two for _, two in looks(lambda now: int(count * now / 0.1))]
     assert any(seen) == are_two and not any(seen[:100]) and seen[-1] == are_two
 
 
 def test_heartbeats_that_an_adapter_has_held_back_are_of_one():
-    watch = HeartbeatWatch()
-    for now, heartbeats in rounds_of(1.0):
-        held = int(0.45 / 0.1) if 5.0 <= now < 5.45 else 0
-        assert not watch.is_doubled(now, heartbeats - held, 0, 0.1, DELAY)
+    def held_back(now):
+        return int(now / 0.1) - (int(0.45 / 0.1) if 5.0 <= now < 5.45 else 0)
+    assert not any(two for _, two in looks(held_back))
 
 
 def test_answers_to_node_guarding_do_not_count_as_a_second_producer():
-    watch = HeartbeatWatch()
-    assert not any(watch.is_doubled(now, heartbeats, heartbeats // 4, 0.1, DELAY)
-                   for now, heartbeats in rounds_of(2.0))
+    seen = looks(lambda now: int(2 * now / 0.1), lambda number: number % 4 == 0)
+    assert not any(two for _, two in seen)
 
 
-def surplus(rates: tuple[float, ...], held=lambda now: 0.0, seconds: float = 5.0) -> list[tuple[int, ...]]:
-    """Return the surplus TPDOs found at each update.
+def surplus(received: Callable[[float], list[int]], seconds: float = 5.0) -> list[tuple[int, ...]]:
+    """Return the numbers of the surplus TPDOs found at each update.
 
-    In each SYNC period of 20 ms, TPDO i arrives ``rates[i]`` times.
+    SYNC has a period of 20 ms, and ``received(now)`` has the count of each of the first TPDOs.
     """
-    watch = SurplusTpdos()
-    return [watch.update(now, int(now / 0.02), [int(rate * (now - held(now)) / 0.02) for rate in rates], DELAY)
-            for now in times(seconds)]
+    traffic, pad = traffic_of(Heartbeats())
+    found = []
+    for now in times(seconds):
+        syncs = int(now / 0.02)
+        traffic.look(now, True, pad._replace(syncs=syncs, distinct_by_tpdo=(tuple(received(now)),)), BusCounts(syncs),
+                     None, DELAY)
+        found.append(tuple(tpdo.number for tpdo in traffic.surplus))
+        assert bool(found[-1]) == traffic.are_two
+    return found
+
+
+def at_rates(*rates: float, held=lambda now: 0.0) -> Callable[[float], list[int]]:
+    """In each SYNC period, TPDO i arrives ``rates[i]`` times, and an adapter holds it back for ``held(now)`` [s]."""
+    return lambda now: [int(rate * (now - held(now)) / 0.02) for rate in rates]
 
 
 def test_a_tpdo_that_arrives_twice_per_sync_is_found_within_a_second():
-    found = surplus((1.0, 2.0, 1.0))
-    assert found[50] == found[-1] == (1,) and set(found) == {(), (1,)}
+    found = surplus(at_rates(1.0, 2.0, 1.0))
+    assert found[50] == found[-1] == (2,) and set(found) == {(), (2,)}
 
 
 def test_a_second_sender_that_begins_later_is_found_within_a_second():
-    watch = SurplusTpdos()
-    found = [now for now in times(10.0) if watch.update(
-        now, int(now / 0.02), [int(now / 0.02) + int(max(0.0, now - 5.0) / 0.02)], DELAY)]
-    assert 5.4 < found[0] < 6.0 and found[-1] > 9.9
+    found = surplus(lambda now: [int(now / 0.02) + int(max(0.0, now - 5.0) / 0.02)], 10.0)
+    when = [now for now, numbers in zip(times(10.0), found) if numbers]
+    assert 5.4 < when[0] < 6.0 and when[-1] > 9.9
 
 
 def test_tpdos_that_an_adapter_has_held_back_are_of_one_sender():
     """SYNCs continue while the adapter holds their TPDOs back, and later all these TPDOs arrive at once."""
-    assert set(surplus((1.0,), lambda now: now % 1.0 if now % 1.0 < 0.45 else 0.0)) == {()}
+    assert set(surplus(at_rates(1.0, held=lambda now: now % 1.0 if now % 1.0 < 0.45 else 0.0))) == {()}
 
 
 def test_lost_tpdos_do_not_prove_a_second_sender():
-    assert set(surplus((0.5, 1.0))) == {()}
+    assert set(surplus(at_rates(0.5, 1.0))) == {()}
+
+
+def test_a_tpdo_is_missing_once_only_the_others_have_come_for_the_timeout():
+    traffic, pad = traffic_of(Heartbeats())
+    found = []
+    for now, first, others in ((0.1, 1, 1), (0.5, 1, 5), (0.7, 1, 7), (0.8, 2, 8), (1.2, 2, 8), (1.4, 2, 8)):
+        traffic.look(now, True, pad._replace(fresh_by_tpdo=((first, *[others] * 15),)), BusCounts(0), None, DELAY)
+        found.append([tpdo.number for tpdo in traffic.missing])
+    assert found == [[], [], [1], [], [], []]  # at the end, all TPDOs have stopped
 
 
 def overloads(late: dict[float, float], dropped_at: float = 99.0, held: tuple[float, float] = (99.0, 99.0)):
@@ -148,24 +189,6 @@ def test_a_producer_that_begins_within_a_window_has_its_own_period():
     assert SyncFault.OTHER_PERIOD not in found
 
 
-def looks(sent: Callable[[float], int], seconds: float = 12.0) -> list[tuple[float, bool]]:
-    """Return, for each update, its time and True if the node then counts as two devices.
-
-    ``sent(now)`` is the number of heartbeats received up to the time ``now``.
-    """
-    heartbeats = Heartbeats()
-    node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
-    traffic = NodeTraffic(node, heartbeats.of(32))
-    pad = FrameAssembler(node.layout, (32,)).statistics()
-    seen = []
-    for now in times(seconds):
-        while heartbeats.of(32).heartbeats < sent(now):
-            heartbeats.feed(0x720, b'\x05')
-        traffic.look(now, False, pad, BusCounts(0), 0.1, DELAY)
-        seen.append((now, traffic.are_two))
-    return seen
-
-
 @pytest.mark.parametrize('silent', [0.7, 2.0, 5.0])
 def test_heartbeats_of_a_silence_are_of_one_device_and_a_second_one_after_it_is_found(silent):
     def held_back(now):
@@ -188,5 +211,5 @@ def test_a_stall_excuses_a_silence_but_endless_stalls_do_not(stalls, is_reported
     faults = []
     for stall in stalls:
         now += stall
-        faults.append(monitor.detect(now, False, pad, BusCounts(0, is_overloaded=True, ran_again=now)))
+        faults.append(fault_of(monitor.look(now, False, pad, BusCounts(0, is_overloaded=True, ran_again=now))))
     assert (faults[-1] is NodeFault.SILENT) == is_reported, faults

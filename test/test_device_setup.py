@@ -15,8 +15,9 @@ from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.errors import DeviceError, InterruptedSetupError, UnverifiedDeviceError
 from tactile_node.skin.pads import make_pad
+from tactile_node.sources.bus_watch import BusCounts
 from tactile_node.sources.node_monitor import NodeMonitor
-from tactile_node.sources.node_traffic import BusCounts
+from tactile_node.sources.node_state import NodeState, fault_of
 
 NODE = make_pad('pad', 32, 'sim16x16.yaml').nodes[0]
 #: Abort codes of CiA 301.
@@ -198,7 +199,7 @@ def test_a_device_with_its_own_heartbeat_time_may_be_silent_for_three_of_them(he
     node, bus, pad = monitored(heartbeat_time)
     bus.feed(0x720, b'\x05')
     heard = bus.heartbeats.of(32).heard
-    assert node.detect(heard + silence, False, pad, BusCounts(0)) is fault
+    assert fault_of(node.look(heard + silence, False, pad, BusCounts(0))) is fault
 
 
 def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
@@ -206,17 +207,17 @@ def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
     for heard in (100.0, 101.0, 101.05, 102.0):  # A change of state causes the extra heartbeat at 101.05 s.
         monkeypatch.setattr('tactile_node.cia301.heartbeat.time.monotonic', lambda now=heard: now)
         bus.feed(0x720, b'\x05')
-    assert node.detect(104.7, False, pad, BusCounts(0)) is NodeFault.NONE
-    assert node.detect(105.1, False, pad, BusCounts(0)) is NodeFault.SILENT
+    assert fault_of(node.look(104.7, False, pad, BusCounts(0))) is NodeFault.NONE
+    assert fault_of(node.look(105.1, False, pad, BusCounts(0))) is NodeFault.SILENT
 
 
 def test_the_order_of_its_tpdos_is_reported_with_the_node():
     node, _, pad = monitored(0.1)
     order = TpdoOrder(32, ('1', '2', '3'), ('3', '1', '2'))
-    node.detect(0.0, True, pad._replace(orders=(order,)), BusCounts(0))
-    assert node.health(0.0).tpdo_order == order
-    node.detect(0.1, True, pad._replace(orders=(None,)), BusCounts(0))
-    assert node.health(0.1).tpdo_order is None
+    node.look(0.0, True, pad._replace(orders=(order,)), BusCounts(0))
+    assert node.health(0.0, NodeState()).tpdo_order == order
+    node.look(0.1, True, pad._replace(orders=(None,)), BusCounts(0))
+    assert node.health(0.1, NodeState()).tpdo_order is None
 
 
 def test_a_silence_during_an_overload_of_this_process_is_not_a_fault_at_once():
@@ -224,6 +225,6 @@ def test_a_silence_during_an_overload_of_this_process_is_not_a_fault_at_once():
     bus.feed(0x720, b'\x05')
     heard = bus.heartbeats.of(32).heard
     node.commanded(heard, pad)
-    assert node.detect(heard + 2.0, True, pad, BusCounts(0, is_overloaded=True)) is NodeFault.NONE
-    assert node.detect(heard + 2.0, True, pad, BusCounts(0)) is NodeFault.SILENT
-    assert node.detect(heard + 60.0, True, pad, BusCounts(0, is_overloaded=True)) is not NodeFault.NONE
+    assert fault_of(node.look(heard + 2.0, True, pad, BusCounts(0, is_overloaded=True))) is NodeFault.NONE
+    assert fault_of(node.look(heard + 2.0, True, pad, BusCounts(0))) is NodeFault.SILENT
+    assert fault_of(node.look(heard + 60.0, True, pad, BusCounts(0, is_overloaded=True))) is not NodeFault.NONE

@@ -3,7 +3,7 @@
 The module ``fault_text`` turns these facts into sentences.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import unique
 from typing import Generic, NamedTuple, TypeVar
 
@@ -114,15 +114,40 @@ Cause = TypeVar('Cause', bound=Failure | NodeFault)
 
 @dataclass(frozen=True)
 class Outages(Generic[Cause]):
-    """Outages since construction.
+    """Outages of a bus or a node since construction. Times are from the monotonic clock [s].
 
-    An outage is a time without taxels. The counts include an ongoing outage.
+    An outage is a time without taxels. ``count`` includes an ongoing outage. ``seconds`` includes an ongoing outage up
+    to ``begun``; `until` also includes the time since then.
     """
 
     count: int = 0
     seconds: float = 0.0  #: total duration [s]
     cause: Cause | None = None  #: initial cause of the last outage
     current: Cause | None = None  #: present cause of an ongoing outage; None if there is no outage
+    begun: float | None = None  #: time from which an ongoing outage is not counted in ``seconds``; None without outage
+
+    def begin(self, now: float, cause: Cause) -> 'Outages[Cause]':
+        """Return the outages with a new one that begins now. If an outage is ongoing, only its present cause changes.
+
+        >>> outages = Outages().begin(10.0, NodeFault.SILENT).begin(11.0, NodeFault.BOOTED)
+        >>> outages.count, outages.cause is NodeFault.SILENT, outages.current is NodeFault.BOOTED
+        (1, True, True)
+        >>> outages.until(12.5).seconds, outages.end(13.0).until(99.0).seconds, outages.end(13.0).current
+        (2.5, 3.0, None)
+        """
+        if self.begun is not None:
+            return replace(self, current=cause)
+        return replace(self, count=self.count + 1, cause=cause, current=cause, begun=now)
+
+    def end(self, now: float) -> 'Outages[Cause]':
+        """Return the outages after the end of the ongoing outage, if there is one."""
+        return replace(self.until(now), current=None, begun=None)
+
+    def until(self, now: float) -> 'Outages[Cause]':
+        """Return the outages with the duration of the ongoing outage up to now."""
+        if self.begun is None:
+            return self
+        return replace(self, seconds=self.seconds + now - self.begun, begun=now)
 
 
 class NodeHealth(NamedTuple):

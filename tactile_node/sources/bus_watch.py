@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from tactile_node.assembly.fault_text import command_text, load_text, sync_text
 from tactile_node.assembly.frame_source import BusStatistics
@@ -11,7 +12,17 @@ from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.load import MOST_LOAD, planned_load
 from tactile_node.bus.message_pace import Reminder
 from tactile_node.skin.pads import LivePad
-from tactile_node.sources.node_traffic import BusCounts
+
+logger = logging.getLogger(__name__)
+
+
+class BusCounts(NamedTuple):
+    """SYNC counts of the bus so far, and the overload of this process."""
+
+    syncs: int
+    foreign_syncs: int = 0  #: number of SYNCs from other devices while this driver produces SYNC
+    is_overloaded: bool = False  #: True if this process is too slow to count all messages
+    ran_again: float = 0.0  #: time when this process resumed after a stall [s]; earlier messages may still be waiting
 
 
 class OverloadWatch:
@@ -136,9 +147,6 @@ class SyncWatch:
         is_other = abs(period - self._period) > 0.2 * self._period  # 20 SYNCs give the period to within 5 %
         fault = SyncFault.OTHER_PERIOD if is_other and self._was_other else SyncFault.NONE
         self.state, self._was_other = SyncState(fault, period=period), is_other
-
-
-logger = logging.getLogger(__name__)
 
 
 class BusWatch:

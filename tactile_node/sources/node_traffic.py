@@ -2,128 +2,20 @@
 
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from tactile_node.assembly.frame_source import PadStatistics
 from tactile_node.assembly.health import SentTpdo, TpdoOrder
 from tactile_node.cia301.heartbeat import HeardNode
 from tactile_node.skin.pads import CanopenNode
-
-LOOKS_IN_WINDOW = 10  #: number of samples per window
-
-
-class CountWindow:
-    """Samples of message counts from the last ``window`` [s], oldest first."""
-
-    def __init__(self) -> None:
-        self._looks: deque[tuple[float, tuple[int, ...]]] = deque()
-
-    def restart(self) -> None:
-        """Forget all samples, so that later counts are not compared with old samples."""
-        self._looks.clear()
-
-    def look(self, now: float, counts: tuple[int, ...], pause: float, window: float) -> None:
-        """Add a sample of the counts, and drop samples older than the window.
-
-        Parameters
-        ----------
-        now
-            Present time [s].
-        counts
-            Counts so far.
-        pause
-            Minimum time between two samples [s].
-        window
-            Length of the window [s].
-        """
-        if not self._looks or now - self._looks[-1][0] >= pause:
-            self._looks.append((now, counts))
-        while len(self._looks) > 1 and now - self._looks[1][0] >= window:
-            self._looks.popleft()
-
-
-class MissingTpdos:
-    """Finds the TPDOs whose counts have not increased for ``timeout`` [s], although those of other TPDOs have.
-
-    >>> watch = MissingTpdos()
-    >>> watch.update(0.0, (1, 1), 0.5), watch.update(0.4, (5, 1), 0.5), watch.update(0.6, (7, 1), 0.5)
-    ((), (), (1,))
-    """
-
-    def __init__(self) -> None:
-        self._counts: tuple[int, ...] = ()
-        self._at: list[float] = []  # time when the count of each TPDO last increased
-
-    def expect(self, now: float) -> None:
-        """Record that TPDOs are expected from now on."""
-        self._at = [now] * len(self._at)
-
-    def update(self, now: float, counts: Sequence[int], timeout: float) -> tuple[int, ...]:
-        """Return the indices of the missing TPDOs. ``counts`` has the count of each TPDO so far."""
-        if len(counts) != len(self._counts):
-            self._at = [now] * len(counts)
-        elif counts != self._counts:
-            self._at = [now if count != before else at
-                        for count, before, at in zip(counts, self._counts, self._at)]
-        self._counts = tuple(counts)
-        late = tuple(place for place, at in enumerate(self._at) if now - at > timeout)
-        return late if len(late) < len(counts) else ()
-
-
-class SurplusTpdos(CountWindow):
-    """Finds the TPDOs that arrive more often than SYNC. A single device sends each TPDO once per SYNC.
-
-    An adapter may deliver CAN frames up to ``delay`` [s] late. Therefore the TPDOs received in the last 2 ``delay`` are
-    compared with the SYNCs of the last 3 ``delay``.
-    """
-
-    def update(self, now: float, syncs: int, received: Sequence[int], delay: float) -> tuple[int, ...]:
-        """Return the indices of the surplus TPDOs, given the numbers of SYNCs and received TPDOs so far."""
-        self.look(now, (syncs, *received), delay / LOOKS_IN_WINDOW, 3 * delay)
-        looks = self._looks
-        _, (_, *then) = next(look for look in looks if now - look[0] <= 2 * delay or look is looks[-1])
-        allowed = syncs - looks[0][1][0] + 3  # at the start, 3 TPDOs may still be pending in a device or adapter
-        return tuple(place for place, (count, before) in enumerate(zip(received, then))
-                     if count - before > allowed)
-
-
-class HeartbeatWatch(CountWindow):
-    """Detects more heartbeats from one node-ID than a single device would send."""
-
-    def is_doubled(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> bool:
-        """Return True if two devices send heartbeats with the same node-ID.
-
-        Parameters
-        ----------
-        now
-            Present time [s].
-        heartbeats
-            Number of heartbeats received so far.
-        guarded
-            Number of heartbeats with a toggle bit. A rise means that the node is answering node guarding by another
-            master.
-        period
-            Heartbeat time of the device [s].
-        delay
-            Maximum time for which an adapter may have held back CAN frames [s].
-        """
-        window = 3 * (delay + 2 * period)
-        self.look(now, (heartbeats, guarded), window / LOOKS_IN_WINDOW, window)
-        begun, (heartbeats_then, guarded_then) = self._looks[0]
-        expected = 1.25 * (now - begun + delay) / period + 2  # margin for clock errors and pauses of the producer
-        return now - begun >= window and guarded == guarded_then and heartbeats - heartbeats_then > expected
-
-
-class BusCounts(NamedTuple):
-    """SYNC counts of the bus so far, and the overload of this process."""
-
-    syncs: int
-    foreign_syncs: int = 0  #: number of SYNCs from other devices while this driver produces SYNC
-    is_overloaded: bool = False  #: True if this process is too slow to count all messages
-    ran_again: float = 0.0  #: time when this process resumed after a stall [s]; earlier messages may still be waiting
-
+from tactile_node.sources.bus_watch import BusCounts
 
 TWO_SENDERS_HOLD = 0.5  #: additional time without a sign of the second device before it counts as gone [s]
+BACKLOG_TIME = 1.0  #: time for which received frames may be a backlog after a silence [s]
+MOST_PENDING = 3  #: number of TPDOs that may be pending in a device or an adapter at the start
+
+
+#: Samples of message counts from the last seconds, oldest first: time [s] and counts.
+Samples = deque[tuple[float, tuple[int, ...]]]
 
 
 class NodeTraffic:
@@ -138,9 +30,10 @@ class NodeTraffic:
         self._node = node
         self._heard = heard
         self._tpdos = tuple(SentTpdo(tpdo.number, tpdo.cob_id.of(node.node_id)) for tpdo in node.layout.tpdos)
-        self.tpdos = MissingTpdos()
-        self._heartbeats = HeartbeatWatch()
-        self._surplus = SurplusTpdos()
+        self._fresh: tuple[int, ...] = ()  # count of each TPDO at the last evaluation
+        self._fresh_at: list[float] = []  # time when the count of each TPDO last increased
+        self._heartbeats: Samples = deque()
+        self._received: Samples = deque()
         self._two_seen: float | None = None  # time when two devices were last seen
         self._signs = 0  # total number of heartbeats and TPDOs at the last evaluation
         self._signs_at = 0.0  # time when the number of heartbeats and TPDOs last changed
@@ -162,6 +55,10 @@ class NodeTraffic:
         self._forget_counts()
         self._two_seen = None if self._two_seen is None else now
 
+    def expect_tpdos(self, now: float) -> None:
+        """Record that TPDOs are expected from now on."""
+        self._fresh_at = [now] * len(self._fresh_at)
+
     def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusCounts, heartbeat_time: float | None,
              delay: float) -> None:
         """Evaluate the counts so far.
@@ -182,44 +79,90 @@ class NodeTraffic:
             Maximum tolerated time without data [s].
         """
         sends = is_active and self._node.layout.needs_sync
-        missing = self.tpdos.update(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
+        missing = self._missing(now, pad.fresh_by_tpdo[self._node.position], delay) if sends else ()
         received = pad.distinct_by_tpdo[self._node.position] if self._node.layout.needs_sync else ()
         self.order = pad.orders[self._node.position] if pad.orders else None
-        counts = self._heard.heartbeats, self._heard.guarded
+        period = heartbeat_time or 0.0
         is_measure = not bus.is_overloaded and not self._is_backlog(
-            now, counts[0] + sum(received), delay + 2 * (heartbeat_time or 0.0))
+            now, self._heard.heartbeats + sum(received), delay + 2 * period)
         self.missing = self._named(missing) if is_measure else ()
         if not is_measure:
             self._forget_counts()
             return
-        self._look_at_heartbeats(now, *counts, heartbeat_time or 0.0, delay)
+        if self._are_heartbeats_doubled(now, period, delay):
+            self._two_seen = now
+        elif self._two_seen is not None and now - self._two_seen > TWO_SENDERS_HOLD + 3 * delay + 6 * period:
+            self._two_seen = None
+            self.surplus = ()
         if not sends:
-            self._surplus.restart()
-        elif surplus := self._surplus.update(now, pad.syncs + bus.foreign_syncs, received, delay):
-            self._two_seen, self.surplus = now, self._named(surplus)
+            self._received.clear()
+        elif surplus := self._surplus(now, pad.syncs + bus.foreign_syncs, received, delay):
+            self._two_seen = now
+            self.surplus = self._named(surplus)
 
     def _named(self, places: tuple[int, ...]) -> tuple[SentTpdo, ...]:
         return tuple(self._tpdos[place] for place in places)
 
     def _forget_counts(self) -> None:
         """Forget the earlier counts, because comparing with them would give a wrong result."""
-        self._heartbeats.restart()
-        self._surplus.restart()
-
-    def _look_at_heartbeats(self, now: float, heartbeats: int, guarded: int, period: float, delay: float) -> None:
-        """Look for duplicate heartbeats. ``period`` is 0 if the heartbeat time is 0 or unknown."""
-        if not period:
-            self._heartbeats.restart()
-        if period and self._heartbeats.is_doubled(now, heartbeats, guarded, period, delay):
-            self._two_seen = now
-        elif self._two_seen is not None and now - self._two_seen > TWO_SENDERS_HOLD + 3 * delay + 6 * period:
-            self._two_seen = None
-            self.surplus = ()
+        self._heartbeats.clear()
+        self._received.clear()
 
     def _is_backlog(self, now: float, signs: int, silence: float) -> bool:
         """Return True if frames received now may be a backlog, because ``silence`` [s] passed without frames."""
         if signs != self._signs:
             if now - self._signs_at > silence:
-                self._measured_from = now + 1.0  # a backlog may arrive faster than one device sends
-            self._signs, self._signs_at = signs, now
+                self._measured_from = now + BACKLOG_TIME  # a backlog may arrive faster than one device sends
+            self._signs = signs
+            self._signs_at = now
         return now < self._measured_from
+
+    def _missing(self, now: float, counts: Sequence[int], timeout: float) -> tuple[int, ...]:
+        """Return the TPDOs whose counts have not increased for ``timeout`` [s], although those of others have."""
+        if len(counts) != len(self._fresh):
+            self._fresh_at = [now] * len(counts)
+        elif counts != self._fresh:
+            self._fresh_at = [now if count != before else at
+                              for count, before, at in zip(counts, self._fresh, self._fresh_at)]
+        self._fresh = tuple(counts)
+        late = tuple(place for place, at in enumerate(self._fresh_at) if now - at > timeout)
+        return late if len(late) < len(counts) else ()
+
+    def _surplus(self, now: float, syncs: int, received: Sequence[int], delay: float) -> tuple[int, ...]:
+        """Return the TPDOs that arrive more often than SYNC. A single device sends each TPDO once per SYNC.
+
+        An adapter may deliver CAN frames up to ``delay`` [s] late. Therefore the TPDOs received in the last 2 ``delay``
+        are compared with the SYNCs of the last 3 ``delay``.
+        """
+        samples = self._received
+        _add_sample(samples, now, (syncs, *received), delay / 10, 3 * delay)
+        _, (_, *then) = next(sample for sample in samples if now - sample[0] <= 2 * delay or sample is samples[-1])
+        _, (syncs_then, *_) = samples[0]
+        allowed = syncs - syncs_then + MOST_PENDING
+        return tuple(place for place, (count, before) in enumerate(zip(received, then)) if count - before > allowed)
+
+    def _are_heartbeats_doubled(self, now: float, period: float, delay: float) -> bool:
+        """Return True if more heartbeats arrive than one device sends, which has the heartbeat time ``period`` [s].
+
+        A ``period`` of 0 means that the device sends no heartbeats, or that the heartbeat time is unknown. An adapter
+        may have held back CAN frames for ``delay`` [s].
+        """
+        if not period:
+            self._heartbeats.clear()
+            return False
+        window = 3 * (delay + 2 * period)
+        heartbeats, guarded = self._heard.heartbeats, self._heard.guarded
+        _add_sample(self._heartbeats, now, (heartbeats, guarded), window / 10, window)
+        begun, (heartbeats_then, guarded_then) = self._heartbeats[0]
+        if now - begun < window or guarded != guarded_then:
+            return False  # in the second case, the node also answers node guarding by another master
+        expected = 1.25 * (now - begun + delay) / period + 2  # tolerates clock errors and pauses of the producer
+        return heartbeats - heartbeats_then > expected
+
+
+def _add_sample(samples: Samples, now: float, counts: tuple[int, ...], pause: float, window: float) -> None:
+    """Add the present counts, unless a sample is younger than ``pause`` [s]. Drop samples older than ``window`` [s]."""
+    if not samples or now - samples[-1][0] >= pause:
+        samples.append((now, counts))
+    while len(samples) > 1 and now - samples[1][0] >= window:
+        samples.popleft()

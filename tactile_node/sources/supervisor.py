@@ -2,32 +2,36 @@
 
 Supervision has two levels. If a bus fails (adapter gone, network down, bus-off), the supervisor closes and reopens the
 bus, including its reception and its queue, until the bus works. If a node has restarted, is silent, is not OPERATIONAL
-or sends no taxels, `NodeRecovery` reconfigures and restarts the node, while SYNC and the other pads continue. On both
+or sends no taxels, `SupervisedNode` reconfigures and restarts the node, while SYNC and the other pads continue. On both
 levels, the pause between two attempts doubles each time.
 """
 
 import logging
 import threading
 import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.frame_source import BusStatistics, OnFrame
-from tactile_node.assembly.health import BusHealth, Failure
+from tactile_node.assembly.health import BusHealth, Failure, Outages
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.message_pace import Reminder
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import BusError, LogError
 from tactile_node.skin.pads import LivePad
-from tactile_node.skin.taxel_codec import without_values
 from tactile_node.sources.bus_watch import BusWatch
 from tactile_node.sources.node_monitor import NodeMonitor
-from tactile_node.sources.node_recovery import NodeRecovery
-from tactile_node.sources.outage import Backoff, OutageClock
+from tactile_node.sources.node_state import NodeEvent, Retries
+from tactile_node.sources.supervised_node import SupervisedNode
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.threads import ReportedThread
 
 logger = logging.getLogger(__name__)
+
+Result = TypeVar('Result')
 
 ROUND_PERIOD = 0.02  #: period of supervision rounds if nothing wakes the supervisor earlier [s]
 
@@ -65,12 +69,12 @@ class Supervisor:
         self._bus = SkinBus(settings, pads, self._deliver, monitor=self.monitor,
                             on_failure=self._bus_failed if recover else None)
         timeouts = self._timeouts(heartbeat_timeout)
-        self._by_pad = {pad.name: [NodeMonitor(node, self.monitor, *timeouts) for node in pad.nodes] for pad in pads}
-        self._monitors = [monitor for monitors in self._by_pad.values() for monitor in monitors]
-        self._node_recovery = NodeRecovery(self._bus, self._monitors, recover)
+        self._by_pad = {pad.name: [SupervisedNode(self._bus, NodeMonitor(node, self.monitor, *timeouts), recover)
+                                   for node in pad.nodes] for pad in pads}
+        self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
         self._watch = BusWatch(settings, pads, self.monitor, self._bus.traffic.put, data_timeout=timeouts[1])
-        self._outage: OutageClock[Failure] = OutageClock()  # outages of the bus
-        self._backoff = Backoff()
+        self._outages: Outages[Failure] = Outages()  # outages of the bus
+        self._retries = Retries()  # attempts to reopen the bus
         self._reminder = Reminder()
         self._received_then = 0  # number of CAN frames received before the bus was reopened
         self._silent_since: float | None = None  # time of the disconnection, after which no SYNC was sent
@@ -81,7 +85,7 @@ class Supervisor:
     @property
     def failure(self) -> Failure | None:
         """Reason why nothing is received, or None while the bus works."""
-        return self._outage.current or self._bus.failure
+        return self._outages.current or self._bus.failure
 
     def open(self) -> None:
         with self._turn:
@@ -89,27 +93,33 @@ class Supervisor:
             if self._thread is None:
                 self._watch.opened()
                 now = time.monotonic()
-                self._outage.end(now)
+                self._outages = self._outages.end(now)
                 self._silent_since = None
                 self._watch.overload.restart()
-                for monitor in self._monitors:
-                    monitor.outage.end(now)
-                    monitor.expect(now)
+                for node in self._nodes:
+                    node.handle(NodeEvent.STOPPED, now)
+                    node.monitor.expect(now)
                 self._closing.clear()
                 self._thread = ReportedThread(self._supervise, 'supervisor')
                 self._thread.start()
 
     def configure(self) -> None:
         with self._turn:
-            self._node_recovery.configure(self._settings.boot_timeout)
+            found = _at_once(self._nodes, lambda node: node.configure(self._settings.boot_timeout))
+            absent = [error for error in found if error is not None]
+            if absent and (not self._recover or len(absent) == len(self._nodes)):
+                raise absent[0]
+            for error in absent:
+                logger.error('%s The other nodes continue. This node joins when it answers.', error,
+                             extra={'fact': error})
             self._is_configured = True
 
     def start(self) -> None:
         with self._turn:
-            if self._outage.is_running:
+            if self._outages.current is not None:
                 raise BusError('CAN bus', expected='a working bus', got=failure_text(self.failure),
                                remedy='Wait until the driver has reopened the bus, then start again.')
-            self._bus.start(without=[monitor.node.node_id for monitor in self._monitors if not monitor.is_trusted])
+            self._bus.start(without=[node.node_id for node in self._nodes if not node.monitor.is_trusted])
             self._set_active(True)
 
     def stop(self) -> None:
@@ -137,14 +147,14 @@ class Supervisor:
         return self._bus.devices.auto_zero(pad)
 
     def boots(self, pad: str) -> int:
-        return sum(monitor.boots for monitor in self._by_pad[pad])
+        return sum(node.monitor.boots for node in self._by_pad[pad])
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         self._bus.drop_incomplete(drop_incomplete)
         timeouts = self._timeouts(heartbeat_timeout)
         self._watch.overload.limit = timeouts[1] / 2
-        for monitor in self._monitors:
-            monitor.set_timeouts(*timeouts)
+        for node in self._nodes:
+            node.monitor.set_timeouts(*timeouts)
 
     def statistics(self) -> BusStatistics:
         return self._bus.statistics()
@@ -154,9 +164,8 @@ class Supervisor:
         now, bus_monitor = time.monotonic(), self.monitor
         return BusHealth(
             failure=self.failure, is_active=self._is_active,
-            nodes={name: tuple(monitor.health(now) for monitor in monitors)
-                   for name, monitors in self._by_pad.items()},
-            outages=self._outage.outages(now), load=self._watch.load,
+            nodes={name: tuple(node.health(now) for node in nodes) for name, nodes in self._by_pad.items()},
+            outages=self._outages.until(now), load=self._watch.load,
             is_error_passive=bus_monitor.is_error_passive, error_counters=bus_monitor.error_counters,
             foreign_commands=bus_monitor.foreign_commands, last_command=bus_monitor.last_command,
             sync=self._watch.sync.state, overload=self._watch.overload.kind, stalls=self._watch.overload.stalls)
@@ -167,10 +176,10 @@ class Supervisor:
 
     def _set_active(self, is_active: bool) -> None:
         now, pads = time.monotonic(), self.statistics().pads
-        for monitor in self._monitors:
-            monitor.commanded(now, pads[monitor.node.pad])
+        for node in self._nodes:
+            node.monitor.commanded(now, pads[node.pad])
             if not is_active:
-                monitor.outage.end(now)
+                node.handle(NodeEvent.STOPPED, now)
         self._is_active = is_active
 
     def _supervise(self) -> None:
@@ -195,7 +204,7 @@ class Supervisor:
             self._watch.look_at_traffic(time.monotonic())
             if not self._is_configured:
                 return time.monotonic()
-            if self._recover and (self._bus.failure is not None or self._outage.is_running):
+            if self._recover and (self._bus.failure is not None or self._outages.current is not None):
                 self._attend_to_bus()
                 self._watch.overload.restart()
             if self._bus.failure is None:
@@ -203,15 +212,18 @@ class Supervisor:
                 now = time.monotonic()  # a single reading, so that a backlog after a stall does not count as silence
                 self._watch.overload.woke(now, late + now - begun)
                 seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)
-                if not self._node_recovery.attend(now, self._is_active, statistics, seen):
+                due = [node for node in self._nodes
+                       if node.look(now, self._is_active, statistics.pads[node.pad], seen)]
+                if not due:
                     return now
+                _at_once(due, SupervisedNode.recover)
         except Exception:
             logger.exception('The supervision of the bus raised an unexpected error.')
         return time.monotonic()
 
     def _bus_failed(self, failure: Failure) -> None:
         """Log the failure once and wake the supervisor. Any thread may call this method."""
-        if not self._outage.is_running:
+        if self._outages.current is None:
             logger.error('The CAN bus has failed: %s. The driver will reopen the bus until it works.',
                          failure_text(failure), extra={'fact': failure.fault})
         self._wake.set()
@@ -220,15 +232,17 @@ class Supervisor:
         now, failure = time.monotonic(), self._bus.failure
         if failure is None:
             if self.monitor.can_frames > self._received_then:
-                logger.info('The CAN bus works again after %.2f s.', self._outage.end(now))
-                self._backoff.reset()
+                ended = self._outages.end(now)
+                logger.info('The CAN bus works again after %.2f s.', ended.seconds - self._outages.seconds)
+                self._outages = ended
+                self._retries = Retries()
             return
-        self._outage.begin(now, failure)
-        for monitor in self._monitors:
-            monitor.outage.begin(now, failure)
-        if self._backoff.is_due(now):
+        self._outages = self._outages.begin(now, failure)
+        for node in self._nodes:
+            node.handle(failure, now)
+        if self._retries.is_due(now):
             self._reopen()
-            self._backoff.attempted(time.monotonic())
+            self._retries = self._retries.attempted(time.monotonic())
 
     def _reopen(self) -> None:
         """Reopen the bus with a new reception thread and queue. The counts continue."""
@@ -245,13 +259,22 @@ class Supervisor:
             if self._reminder.is_due(str(error), time.monotonic()):
                 logger.error('Waiting for the CAN bus: %s', error, extra={'fact': error})
             return
-        for monitor in self._monitors:
-            monitor.expect(time.monotonic())
+        for node in self._nodes:
+            node.monitor.expect(time.monotonic())
 
     def _deliver(self, name: str, frame: TaxelFrame) -> None:
         acquired = time.monotonic() - self.age(frame.stamp)
-        for monitor in self._by_pad[name]:
-            if untrusted := monitor.untrusted(frame, acquired):
-                monitor.distrusted += 1
-                frame = without_values(frame, untrusted)
+        for node in self._by_pad[name]:
+            frame = node.monitor.only_trusted(frame, acquired)
         self._on_frame(name, frame)
+
+
+def _at_once(nodes: Sequence[SupervisedNode], act: Callable[[SupervisedNode], Result]) -> list[Result]:
+    """Call ``act`` for all nodes in parallel. Return the results in order, or raise the first error at the end.
+
+    An SDO transfer spends most of its time waiting for the device, and an absent device must not delay other devices.
+    """
+    if len(nodes) < 2:
+        return [act(node) for node in nodes]
+    with ThreadPoolExecutor(len(nodes), 'configure') as pool:
+        return list(pool.map(act, nodes))
