@@ -76,13 +76,16 @@ class RosBench:
             self.executor.spin_once(timeout_sec=0.01)
 
     def settle(self) -> None:
-        """Run callbacks until none is ready.
+        """Run callbacks until none is ready and no chain has work.
 
         Between nodes of one process, a message arrives at the moment it is sent.
         """
         is_busy = True
         while is_busy:
             is_busy = False
+            for node in self.executor.get_nodes():
+                if (stages := getattr(node, '_stages', None)) is not None:
+                    assert stages.chain.wait_until_idle(TIMEOUT)
             with suppress(TimeoutException):
                 while True:
                     task, _, _ = self.executor.wait_for_ready_callbacks(timeout_sec=0)

@@ -1,0 +1,139 @@
+"""The chain thread of a process, which takes each CAN frame or message through all its processing stages.
+
+All state of the stages belongs to this thread. Other threads, for example those that receive CAN frames or call
+services, post calls to the chain. The chain runs the calls in order, each between two taxel frames.
+"""
+
+import heapq
+import itertools
+import threading
+from collections.abc import Callable
+from queue import SimpleQueue
+
+from tactile_node.threads import ReportedThread, call_guarded
+
+Call = tuple[Callable[..., object], tuple[object, ...]]
+
+
+class Chain:
+    """A thread that runs posted calls in order, and postponed calls while no posted call is waiting.
+
+    Recognition and everything that only viewers need is postponed, so that a slow machine still assembles every frame.
+    After each postponed call, the chain first runs the calls posted in the meantime. It runs at least one postponed
+    call in each turn, so that a flood of frames cannot stop the recognition.
+
+    A call that raises an exception is logged with its traceback. The chain then continues with the next call.
+
+    Parameters
+    ----------
+    name : str
+        Name of the thread.
+
+    Examples
+    --------
+    >>> chain, order = Chain(), []
+    >>> def find():
+    ...     chain.postpone(0.0, order.append, 'recognised')
+    ...     order.append('found')
+    >>> chain.start()
+    >>> chain.post(find)
+    >>> chain.wait_until_idle(timeout=60.0)
+    True
+    >>> order
+    ['found', 'recognised']
+    >>> chain.stop(timeout=60.0)
+    """
+
+    def __init__(self, name: str = 'chain'):
+        self._name = name
+        self._calls: SimpleQueue[Call | None] = SimpleQueue()
+        self._postponed: list[tuple[float, int, int, Call]] = []  # heap; only the chain thread uses it
+        self._number = itertools.count()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def is_current(self) -> bool:
+        """True if the caller runs on the chain thread."""
+        return self._thread is threading.current_thread()
+
+    def start(self) -> None:
+        """Start the thread with an empty queue. If the previous thread is blocked in a call, it ends after the call."""
+        self._calls = SimpleQueue()
+        self._postponed = []
+        self._thread = ReportedThread(self._run, self._name, self._calls)
+        self._thread.start()
+
+    def stop(self, timeout: float) -> None:
+        """End the thread after all calls posted so far, and wait up to ``timeout`` [s] for it to end."""
+        self._calls.put(None)
+        if self._thread is not None and not self.is_current:
+            self._thread.join(timeout)
+
+    def post(self, call: Callable[..., object], *args: object) -> None:
+        """Run a call after all calls posted so far. Any thread may post, and the method returns immediately.
+
+        Parameters
+        ----------
+        call : callable
+            Function to call.
+        *args
+            Its arguments.
+        """
+        self._calls.put((call, args))
+
+    def postpone(self, acquired: float, call: Callable[..., object], *args: object, after_others: bool = False) -> None:
+        """Run a call when no posted call is waiting. Only the chain thread may postpone.
+
+        The calls for the oldest taxels run first, so that the shapes of all pads for one SYNC come before the shapes
+        for the next SYNC.
+
+        Parameters
+        ----------
+        acquired : float
+            Time when the taxels were acquired [s].
+        call : callable
+            Function to call.
+        *args
+            Its arguments.
+        after_others : bool
+            True to run after the other calls for the same taxels, for results that only viewers need.
+        """
+        heapq.heappush(self._postponed, (acquired, after_others, next(self._number), (call, args)))
+
+    def wait_until_idle(self, timeout: float, *, with_postponed: bool = True) -> bool:
+        """Wait until all calls posted so far, and everything that they postpone, have run.
+
+        On the chain thread, or while the chain does not run, the method returns immediately.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest wait [s].
+        with_postponed : bool
+            False to wait only for the posted calls.
+
+        Returns
+        -------
+        bool
+            False if the time has passed before the chain was idle.
+        """
+        if self._thread is None or self.is_current or not self._thread.is_alive():
+            return True
+        is_idle = threading.Event()
+        if with_postponed:
+            self.post(self.postpone, float('inf'), is_idle.set)
+        else:
+            self.post(is_idle.set)
+        return is_idle.wait(timeout)
+
+    def _run(self, calls: 'SimpleQueue[Call | None]') -> None:
+        while calls is self._calls:
+            # If nothing is postponed, block until the next call. Otherwise take only the calls that are waiting now.
+            for _ in range(calls.qsize() if self._postponed else max(calls.qsize(), 1)):
+                posted = calls.get()
+                if posted is None or calls is not self._calls:
+                    return
+                call_guarded(posted[0], *posted[1])
+            if self._postponed:
+                call, args = heapq.heappop(self._postponed)[-1]
+                call_guarded(call, *args)
