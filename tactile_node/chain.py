@@ -8,6 +8,7 @@ import heapq
 import itertools
 import threading
 from collections.abc import Callable
+from enum import IntEnum
 from queue import SimpleQueue
 
 from tactile_node.threads import ReportedThread, call_guarded
@@ -15,12 +16,20 @@ from tactile_node.threads import ReportedThread, call_guarded
 Call = tuple[Callable[..., object], tuple[object, ...]]
 
 
-class Chain:
-    """A thread that runs posted calls in order, and postponed calls while no posted call is waiting.
+class Step(IntEnum):
+    """Steps that the chain postpones, the most urgent first."""
 
-    Recognition and everything that only viewers need is postponed, so that a slow machine still assembles every frame.
-    After each postponed call, the chain first runs the calls posted in the meantime. It runs at least one postponed
-    call in each turn, so that a flood of frames cannot stop the recognition.
+    FIND = 0       #: find the contacts in a taxel frame
+    RECOGNISE = 1  #: recognise the shape of a contact
+    SHOW = 2       #: publish what only viewers need
+
+
+class Chain:
+    """A thread that runs posted calls in order, and postponed steps while no posted call is waiting.
+
+    The chain works in turns. In each turn, it runs the posted calls that are waiting, then every FIND, and then the
+    RECOGNISE or SHOW with the oldest taxels. A slow machine therefore assembles every frame, and a flood of frames
+    cannot stop the recognition.
 
     A call that raises an exception is logged with its traceback. The chain then continues with the next call.
 
@@ -33,10 +42,10 @@ class Chain:
     --------
     >>> chain, order = Chain(), []
     >>> def find():
-    ...     chain.postpone(0.0, order.append, 'recognised')
+    ...     chain.postpone(Step.RECOGNISE, 0.0, order.append, 'recognised')
     ...     order.append('found')
     >>> chain.start()
-    >>> chain.post(find)
+    >>> chain.post(lambda: chain.postpone(Step.FIND, 0.0, find))
     >>> chain.wait_until_idle(timeout=60.0)
     True
     >>> order
@@ -47,7 +56,10 @@ class Chain:
     def __init__(self, name: str = 'chain'):
         self._name = name
         self._calls: SimpleQueue[Call | None] = SimpleQueue()
-        self._postponed: list[tuple[float, int, int, Call]] = []  # heap; only the chain thread uses it
+        # heaps of the time when the taxels were acquired, the step, a number and the call; only the chain thread uses
+        # them
+        self._urgent: list[tuple[float, Step, int, Call]] = []
+        self._postponed: list[tuple[float, Step, int, Call]] = []
         self._number = itertools.count()
         self._thread: threading.Thread | None = None
 
@@ -59,7 +71,7 @@ class Chain:
     def start(self) -> None:
         """Start the thread with an empty queue. If the previous thread is blocked in a call, it ends after the call."""
         self._calls = SimpleQueue()
-        self._postponed = []
+        self._urgent, self._postponed = [], []
         self._thread = ReportedThread(self._run, self._name, self._calls)
         self._thread.start()
 
@@ -81,24 +93,25 @@ class Chain:
         """
         self._calls.put((call, args))
 
-    def postpone(self, acquired: float, call: Callable[..., object], *args: object, after_others: bool = False) -> None:
-        """Run a call when no posted call is waiting. Only the chain thread may postpone.
+    def postpone(self, step: Step, acquired: float, call: Callable[..., object], *args: object) -> None:
+        """Run a call in a later step of the turn. Only the chain thread may postpone.
 
         The calls for the oldest taxels run first, so that the shapes of all pads for one SYNC come before the shapes
         for the next SYNC.
 
         Parameters
         ----------
+        step : Step
+            Step to which the call belongs.
         acquired : float
             Time when the taxels were acquired [s].
         call : callable
             Function to call.
         *args
             Its arguments.
-        after_others : bool
-            True to run after the other calls for the same taxels, for results that only viewers need.
         """
-        heapq.heappush(self._postponed, (acquired, after_others, next(self._number), (call, args)))
+        heap = self._urgent if step is Step.FIND else self._postponed
+        heapq.heappush(heap, (acquired, step, next(self._number), (call, args)))
 
     def wait_until_idle(self, timeout: float, *, with_postponed: bool = True) -> bool:
         """Wait until all calls posted so far, and everything that they postpone, have run.
@@ -110,7 +123,7 @@ class Chain:
         timeout : float
             Longest wait [s].
         with_postponed : bool
-            False to wait only for the posted calls.
+            False to wait only for the posted calls and every FIND.
 
         Returns
         -------
@@ -121,9 +134,9 @@ class Chain:
             return True
         is_idle = threading.Event()
         if with_postponed:
-            self.post(self.postpone, float('inf'), is_idle.set)
+            self.post(self.postpone, Step.SHOW, float('inf'), is_idle.set)
         else:
-            self.post(is_idle.set)
+            self.post(self.postpone, Step.FIND, float('inf'), is_idle.set)
         return is_idle.wait(timeout)
 
     def _run(self, calls: 'SimpleQueue[Call | None]') -> None:
@@ -133,7 +146,11 @@ class Chain:
                 posted = calls.get()
                 if posted is None or calls is not self._calls:
                     return
-                call_guarded(posted[0], *posted[1])
+                call, args = posted
+                call_guarded(call, *args)
+            while self._urgent:
+                call, args = heapq.heappop(self._urgent)[-1]
+                call_guarded(call, *args)
             if self._postponed:
                 call, args = heapq.heappop(self._postponed)[-1]
                 call_guarded(call, *args)

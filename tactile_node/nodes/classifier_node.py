@@ -7,6 +7,7 @@ from typing import Any
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
+from tactile_node.chain import Step
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
@@ -65,7 +66,7 @@ class ClassifierNode(StageNode):
                                             frames_qos(EVENT_DEPTH, self._settings.lossless))
         self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
         self._contacts = StageInput(self, Contact, 'contact', self.accept, self._settings, check=check_contact,
-                                    parse=pad_contact_of, stages=self._stages, newest_only=True)
+                                    parse=pad_contact_of, stages=self._stages, step=Step.RECOGNISE)
         self._ends = self._contacts, self._shapes
         MessageHealth(self, [self._contacts], self._settings)
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+from tactile_node.chain import Step
 from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.scale import UnitScale
 from tactile_node.errors import ConfigurationError
@@ -66,7 +67,8 @@ class ProcessorNode(StageNode):
         self._features = self.create_publisher(ContactFeatures, 'features', self._settings.qos)
         self._views = TaxelViews(self, self._settings.queue_depth, self._settings.full_scale)
         self._taxels = StageInput(self, TaxelArray, 'taxels', self.accept, self._settings, check=check_taxel_array,
-                                  parse=pad_frame_of, stages=self._stages)
+                                  parse=pad_frame_of, stages=self._stages,
+                                  step=Step.FIND, most_waiting=settings.most_waiting)
         self._taxels.sends_on = self._contacts.topic
         self._ends = self._taxels, self._contacts
         MessageHealth(self, [self._taxels], self._settings)

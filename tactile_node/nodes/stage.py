@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from std_msgs.msg import Header
 
-from tactile_node.chain import Chain
+from tactile_node.chain import Chain, Step
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
 from tactile_node.ros.message_age import Arrival, age_message
 from tactile_node.ros.message_checks import Check, Message
@@ -101,9 +101,11 @@ class StageInput(Generic[Message, Result]):
         Function that creates a result from a message.
     stages : Stages
         Stages of this process.
-    newest_only : bool
-        True to call ``accept`` only when the chain has no other work, and only with the newest result. In a lossless
-        replay, ``accept`` always gets all results.
+    step : Step or None
+        Step of the chain in which ``accept`` is called, or None to call it at once.
+    most_waiting : int
+        Number of results that may wait for ``step``. A newer result takes the place of the oldest one, which then
+        counts as overtaken. In a lossless replay, ``accept`` gets all results.
     steady : callable
         Steady clock [s].
 
@@ -117,18 +119,19 @@ class StageInput(Generic[Message, Result]):
 
     def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
-                 stages: Stages, newest_only: bool = False, steady: Callable[[], float] = time.monotonic):
+                 stages: Stages, step: Step | None = None, most_waiting: int = 1,
+                 steady: Callable[[], float] = time.monotonic):
         self._node, self._accept, self._parse, self._stages = node, accept, parse, stages
-        self._takes_newest = newest_only and not settings.lossless
+        self._step = step
+        self._most_waiting = math.inf if settings.lossless else most_waiting
         qos = settings.input_qos
-        qos.depth = qos.depth if newest_only or settings.lossless else settings.most_waiting
         self._steady = steady
         self.topic: str = node.resolve_topic_name(topic)
         self._guard = MessageGuard(node, kind, self.topic, qos, check, steady)
-        # Messages from the topic that wait for the chain. A full queue drops its oldest message, as the subscription
-        # does.
+        # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
-        self._usable: list[Result] = []  # usable results since the last call of accept
+        # usable results that wait for ``step``, each after the results that it has overtaken
+        self._waiting: deque[list[Result]] = deque()
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)
         self._is_fed = False
@@ -186,7 +189,7 @@ class StageInput(Generic[Message, Result]):
 
     def postpone(self, publish: Callable[[], None]) -> None:
         """Publish what only viewers need, when this no longer delays a shape."""
-        self._stages.chain.postpone(self.arrival.acquired, self._guard.attempt, publish, after_others=True)
+        self._stages.chain.postpone(Step.SHOW, self.arrival.acquired, self._guard.attempt, publish)
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
@@ -196,15 +199,19 @@ class StageInput(Generic[Message, Result]):
         self._stages.remove(self)
 
     def _receive(self, result: Result) -> None:
-        self._usable.append(result)
-        if not self._takes_newest:
-            self._process()
-        elif len(self._usable) == 1:
-            self._stages.chain.postpone(self.arrival.acquired, self._process)
+        if self._step is None:
+            self._guard.process([result], self._accept)
+            return
+        self._waiting.append([result])
+        if len(self._waiting) > self._most_waiting:
+            overtaken = self._waiting.popleft()
+            self._waiting[0][:0] = overtaken
+        else:
+            self._stages.chain.postpone(self._step, self.arrival.acquired, self._process)
 
     def _process(self) -> None:
-        usable, self._usable = self._usable, []
-        self._guard.process(usable, self._accept)
+        if self._waiting:
+            self._guard.process(self._waiting.popleft(), self._accept)
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
