@@ -118,10 +118,13 @@ class VirtualTime:
             self.timers.append(VirtualTimer(self, period, callback, node))
             return self.timers[-1]
 
+        def tick(node: Any, period: float, call: Callable[[], None]) -> None:
+            self.timers.append(VirtualTimer(self, period, call, node))
+
         def destroy_node(node: Any) -> None:
             self.timers = [each for each in self.timers if each.node is not node]
             kind.destroy_node(node)
-        return type(kind.__name__, (kind,), {'create_timer': create_timer, 'destroy_node': destroy_node})
+        return type(kind.__name__, (kind,), {'create_timer': create_timer, 'tick': tick, 'destroy_node': destroy_node})
 
 
 class VirtualTimer:

@@ -165,8 +165,7 @@ class DriverNode(LifecycleNode):
         """Close the bus or the log, and publish the state of the driver one last time."""
         if self._is_made:  # since Kilted, the context also destroys a node whose constructor failed
             self._release()
-            if self.context.ok():
-                self._state.update(is_last=True)
+            self._state.end()
             stop_forwarding_to(self)
             if self._is_alone:
                 self._stages.chain.stop(STOP_TIMEOUT)

@@ -8,8 +8,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import Opening
 from tactile_node.grasp.steadiness import SteadinessSettings
@@ -64,7 +62,7 @@ class GraspNode(StageNode):
         # These attributes are set before rclpy's constructor, because Kilted calls destroy_node even after a failed
         # constructor.
         self._steady = steady
-        # The chain updates the grasp; the executor's thread notices silences and answers requests. The lock covers no
+        # The chain updates the grasp, a ticker notices silences, and the executor answers requests. The lock covers no
         # work of another stage, so a chain that hangs cannot hide a silence.
         self._lock = threading.RLock()
         self._arrivals: dict[str, Arrival] = {}
@@ -84,10 +82,6 @@ class GraspNode(StageNode):
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
         self._sides_publisher = self.create_publisher(GraspSides, 'grasp_sides', settings.qos)
         self._requests = GraspRequests(self, self._current, steady)
-        # A timer that is restarted wakes the executor, so this timer runs on while shapes arrive. It uses the steady
-        # clock, because the node's clock stands still with use_sim_time and no /clock.
-        self._silence = self.create_timer(SILENCE_PERIOD, self._look_for_silence,
-                                          clock=Clock(clock_type=ClockType.STEADY_TIME))
         # time at which each side counts as silent unless another shape arrives, on the steady clock [s]
         self._silent_at = dict.fromkeys(SIDES, math.inf)
         self._shapes: dict[str, StageInput[ContactShape, PadShape]] = {
@@ -96,6 +90,7 @@ class GraspNode(StageNode):
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
         self._ends = tuple(self._shapes.values())
         MessageHealth(self, tuple(self._shapes.values()), settings)
+        self.tick(SILENCE_PERIOD, self._look_for_silence)
 
     def accept(self, side: str, shape: PadShape) -> None:
         """Update the grasp with a new shape from one pad, and publish the grasp.

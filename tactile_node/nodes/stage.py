@@ -18,6 +18,7 @@ from std_msgs.msg import Header
 
 from tactile_node.chain import Chain, Step
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
+from tactile_node.nodes.ticker import Ticker
 from tactile_node.ros.message_age import Arrival, age_message
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
@@ -324,14 +325,21 @@ class StageNode(Node):
     # constructor.
     _ends: 'tuple[StageInput | StageOutput, ...]' = ()  # inputs and outputs of the stage
     _own: Stages | None = None  # set if the node runs alone in its process
+    _tickers: tuple[Ticker, ...] = ()
 
     def __init__(self, name: str, stages: Stages | None, **options: Any):
         super().__init__(name, **options)
         self._stages = stages or Stages()
         self._own = self._stages if stages is None else None
 
+    def tick(self, period: float, call: Callable[[], None]) -> None:
+        """Call a function every ``period`` [s] until the node is destroyed; see `Ticker`."""
+        self._tickers += Ticker(self, period, call),
+
     def destroy_node(self) -> None:
         """End all inputs and outputs, and destroy the node."""
+        for ticker in self._tickers:
+            ticker.stop()
         for end in self._ends:
             end.end()
         if self._own is not None:
