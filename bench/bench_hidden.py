@@ -11,7 +11,7 @@ validation seeds.
 
 The second table covers whole sessions with contacts of 40-100 taxels on a 16x16 pad with 32 TPDOs. Some of the 32 TPDOs
 never arrive. The second table compares single frames with ten fused frames, both with default settings. The third table
-shows the results for contacts with few hidden taxels, and for the same contacts fully visible.
+shows the results for contacts with few hidden taxels, and for the same contacts without hidden taxels.
 """
 
 import sys
@@ -93,7 +93,7 @@ def lost_tpdos() -> None:
 
 
 def little_hidden() -> None:
-    """Print the rates for contacts with a hidden share below LITTLE, and for the same contacts fully visible."""
+    """Print the rates for contacts with a hidden share below LITTLE, and for the same contacts in full view."""
     recogniser = make_recogniser()
     print(f'\n| less than {LITTLE:.0%} hidden | contacts | right | right, all seen | wrong and sure |\n'
           + '| --- ' * 5 + '|')

@@ -40,16 +40,16 @@ DRAWN, SEED = 1500, 20_261_123
 PICTURE, ROWS, COLS = 'real_arrays.png', 3, 8
 
 CONTACTS = ('*tekscan* has 50x28 taxels and stores 8-bit JPEG pictures; 500 frames of ten objects are used. *weiss* is '
-            'a hand whose finger pads have 14x6 and 13x6 taxels with 12 bits; it cuts off readings below 100. The '
-            'frame with the highest total pressure of each pad and grasp is used. *vitac* has 12x32 taxels with soft '
-            'covers and scales each frame separately; every tenth frame is used. *drawn* are 1,500 frames of '
-            'training/real_arrays.py. Each of these has different gains, so the gains count as speckle.')
+            'a hand whose finger pads have 14x6 and 13x6 taxels with 12 bits; the hand cuts off readings below 100. '
+            'The frame with the highest total pressure of each pad and grasp is used. *vitac* has 12x32 taxels with '
+            'soft covers and scales each frame separately; every tenth frame is used. *drawn* are 1,500 frames of '
+            'training/real_arrays.py. Each drawn frame has different gains, so the gains count as speckle.')
 TIME = ('These quantities were measured only on the Weiss hand. The hand was at rest while it warmed up, and a square '
         'stamp of 1.1 cm² pressed it with 200 to 900 g. The generator draws only the noise.')
-METHOD = ('The contacts are those that `tactile classify` finds without options, from 9 taxels, together with the '
-          'pieces that are torn off them. `bench/recognition/array_measures.py` describes the estimate of each '
-          'quantity. The fixed profile of a curved finger or cover counts as gain. Weak taxels in a large contact '
-          'count as hollow (ViTac).')
+METHOD = ('The table describes the contacts of at least 9 taxels that `tactile classify` finds without options, '
+          'together with the pieces that are torn off them. `bench/recognition/array_measures.py` describes the '
+          'estimate of each quantity. The fixed profile of a curved finger or cover counts as gain. Weak taxels in a '
+          'large contact count as hollow (ViTac).')
 HOW = {
     'readings': 'all effects below, domes, tilt',
     'spread': 'all effects below',

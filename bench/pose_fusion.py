@@ -25,9 +25,9 @@ SEQUENCES = 40
 
 def measure(report) -> None:
     settings = FusionSettings()
-    report.say(f'Stated latency: {settings.frames_to_follow(PERIOD, 100.0)} frames if each frame gives odds of 100:1 '
-               f'to the new shape, {settings.frames_to_follow(PERIOD, 10.0)} frames at 10:1. The beginning and the end '
-               'of a contact have no latency.')
+    report.say(f'`frames_to_follow` states a latency of {settings.frames_to_follow(PERIOD, 100.0)} frames if each '
+               f'frame gives odds of 100:1 to the new shape, and of {settings.frames_to_follow(PERIOD, 10.0)} frames '
+               'at 10:1. The beginning and the end of a contact have no latency.')
     rows = []
     for method in METHODS:
         for area in (20, 50):

@@ -50,38 +50,38 @@ VIEWS = (
     View('95 % regions at N = 50', 'The required share is 93-97 %.', 'Regions', ('frames',),
          columns(all=of('all'), least_of_the_five=_least)),
     View('Which corner is the apex', 'In a nearly equilateral triangle, any corner may look like the apex. The fit '
-         'then declares symmetry 3, and the errors above allow for this. *wrong unsaid* is the share of fits that have '
-         'another corner as the apex and declare symmetry 1.', 'Corners', ('frames',),
+         'then declares symmetry 3, and the errors above allow for this. *wrong unsaid* is the share of fits that '
+         'mistake another corner for the apex but declare symmetry 1.', 'Corners', ('frames',),
          columns(symmetry_3=of('symmetry 3'), wrong_apex=of('wrong apex'), wrong_unsaid=of('wrong, unsaid')),
          _is_main),
     View('On contact mechanics', 'Rigid objects press an elastic half-space. The taxels lie under a layer of unknown '
          'depth. The pressure is 5-80 % of full scale, with 1 % noise and 3 % dead taxels; {fits} contacts in each '
          'cell. The true outline is that of the computed contact. The columns are N. Each cell shows the bias / spread '
-         '(half of the 16-84 % range) of the mean length / error of the centre / error of the angle / region. Required '
-         'for flat punches: at most 3, 3, 0.03 and 0.5. Required for all regions: 92-98 %.', 'Contact mechanics',
-         ('object',), across('N', of('bias', 'spread', 'centre', 'angle', 'in the 95 % region'))),
+         '(half of the 16-84 % range) of the mean length / error of the centre / error of the angle / region. For flat '
+         'punches, at most 3, 3, 0.03 and 0.5 are required. For all objects, regions of 92-98 % are required.',
+         'Contact mechanics', ('object',), across('N', of('bias', 'spread', 'centre', 'angle', 'in the 95 % region'))),
     View('A calibrated skin', 'In `python bench/bench_calibration.py`, punches of the five shapes press skins whose '
          'response the fit does not know; 60 frames in each cell, evaluation seeds. The readings are proportional to '
          'the pressure or to its power 0.6 or 1.3, or they saturate. The depth is in pitches. The columns are N. Each '
-         'cell shows the bias of the length without -> with `tactile calibrate`, then the region without -> with it.',
+         'cell shows the bias of the length, then the region, each without -> with `tactile calibrate`.',
          'Calibrated skin', ('depth', 'readings'),
          across('N', lambda row: f'{row["bias before"]} -> {row["bias after"]}; '
                                  f'{row["inside before"]} -> {row["inside after"]}'), lambda row: row['N'] != '50'),
     View('The least rectangle', 'This table is from `python bench/bench_box.py --contacts 40` with evaluation seeds. '
-         'Punches, balls, cylinders and cones are those of contact mechanics under 1.2 pitches of skin, with 1 % noise '
-         'and 3 % dead taxels. The other objects press evenly, with a blur of 0.5 pitches, 1 % noise and 2 % dead '
-         'taxels. The columns are N. Each cell shows the bias of the long side / bias of the short side / error of the '
-         'angle / share of true values in the 95 % interval. The last number is the smallest share of long side, short '
-         'side, centre and angle.',
+         'Punches, balls, cylinders and cones are computed by contact mechanics under 1.2 pitches of skin, with 1 % '
+         'noise and 3 % dead taxels. The other objects press evenly, with a blur of 0.5 pitches, 1 % noise and 2 % '
+         'dead taxels. The columns are N. Each cell shows the bias of the long side / bias of the short side / error '
+         'of the angle / share of true values in the 95 % interval. The last number is the smallest of the shares for '
+         'long side, short side, centre and angle.',
          'Least rectangle', ('object',), across('N', _box), lambda row: row['N'] in ('12', '100')),
     View('Time of one fit', 'The table shows the processor time on one core [ms].', 'Time of one fit', ('frames',),
          lambda rows: {shape: _median(rows[0], shape) for shape in rows[0] if shape != 'frames'},
          lambda row: row['frames'] in ('clean', 'on/off')),
     View('Fusion of successive frames', 'There are 40 sequences at 100 Hz. Each has 60 frames of one shape and then 60 '
          'frames of another shape, without an empty frame between them. The contact creeps by 0.01 pitches per frame, '
-         'with a blur of 0.5 pitches and 2 % noise. *settled* is the share of right frames later than 100 ms after the '
-         'beginning, or later than 200 ms after the change. *flicker* is the number of changes of the reported shape '
-         'per 100 frames; the true change is not counted.',
+         'with a blur of 0.5 pitches and 2 % noise. *settled* is the share of right frames, without the first 100 ms '
+         'of a sequence and without the 200 ms after the change. *flicker* is the number of changes of the reported '
+         'shape per 100 frames; the true change is not counted.',
          'Fusion of successive frames', ('recogniser', 'N'),
          columns(right_single=of('right, single frames'),
                  settled=of('right, fused, from 100 ms (200 ms after a change) on'),

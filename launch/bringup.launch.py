@@ -54,7 +54,7 @@ def start(context: LaunchContext) -> list[Action]:
     if given['gripper_action']:
         words = [f'--end-with={os.getpid()}', '--ros-args']
         words += ['--params-file', given['params_file']] if given['params_file'] else []
-        # added after the parameter file, because rcl uses the last value
+        # These arguments follow the parameter file, because rcl uses the last value of a parameter.
         for name in ('gripper_action', 'use_sim_time'):
             words += ['-p', f'{name}:={given[name]}'] if given[name] else []
         processes.append(process('gripper_node', words, given))
@@ -93,7 +93,7 @@ def warnings_of_misspelt(names: Collection[str]) -> list[Action]:
 
 
 def end_launch(event: ProcessExited, context: LaunchContext) -> list[Action]:
-    """End the launch when its process has ended, with exit code 1 for systemd if the process failed."""
+    """End the launch after one of its processes has ended, and let systemd see exit code 1 if the process failed."""
 
     if event.returncode and not context.is_shutdown:
         raise RuntimeError(f'{event.process_name} has failed, code {event.returncode}')

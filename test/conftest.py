@@ -1,4 +1,4 @@
-"""Set-up of all tests: ROS traffic stays on this machine, and each run of pytest uses its own ROS domain."""
+"""Setup of all tests: ROS traffic stays on this machine, and each run of pytest uses its own ROS domain."""
 
 import fcntl
 import gc

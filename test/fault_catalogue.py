@@ -330,7 +330,7 @@ def one_tpdo_switched_off_by_another_master(bench: FaultBench) -> None:
 
 @fault()
 def one_tpdo_switched_off_unseen(bench: FaultBench) -> None:
-    """One TPDO was switched off unseen by the driver. The driver names the TPDO and switches it on."""
+    """One TPDO was switched off while the driver could not see it. The driver names the TPDO and switches it on."""
     bench.adapter.lost_ids = {0x620}
     bench.send(0x620, '23021801A2010080')
     bench.wait(lambda: NodeFault.TPDO_MISSING in bench.log.facts or bench.node().outages.count, 'not logged')

@@ -25,7 +25,7 @@ GOALS = ('close', 'force', 'partly', 'widest', 'preempt', 'hold')
 class Happened(NamedTuple):
     """The outcome for the client, the commands to the gripper, and the movement of the gripper."""
 
-    outcome: Outcome | None  #: None while the hold continues
+    outcome: Outcome | None  #: outcome of the goal or the hold, or None while the hold continues
     is_in_doubt: bool       #: True if the text of the outcome says that the gripper may still be moving
     sent: str               #: directions of the commands that the gripper has accepted
     was_cancelled: bool

@@ -65,7 +65,7 @@ def taxel_facts(message: TaxelArray) -> dict:
 
 
 def diagnostic_facts(message: DiagnosticArray) -> dict:
-    """Return the diagnostic values of each node, followed by those that are counts."""
+    """Return the diagnostic values of each node, and then the values that are counts."""
     return {'nodes': {status.name: {value.key: value.value for value in status.values} for status in message.status},
             'counts': {status.name: {value.key: int(value.value) for value in status.values if value.value.isdigit()}
                        for status in message.status}}

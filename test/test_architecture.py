@@ -91,7 +91,7 @@ def test_training_knows_nothing_of_the_report():
 
 
 @pytest.mark.parametrize('module', REPORTED)
-def test_what_is_reported_on_is_drawn_without_training(module):
+def test_reported_figures_are_drawn_without_training_code(module):
     seen, waiting = set(), [f'bench.recognition.{module}']
     while waiting:  # The search also follows indirect imports.
         name = waiting.pop()

@@ -87,7 +87,7 @@ def test_silent_periods_are_all_stale(assembler):
     check(only(assembler.sync(3)), np.full((3, 2), NAN), sequence=2, missing=3)
 
 
-def test_sweeps_after_silence_are_given_up_until_a_free_bus_proves_that_none_is_late(assembler):
+def test_sweeps_after_silence_are_lost_until_a_free_bus_proves_that_none_is_late(assembler):
     """After a silence, each sweep may belong to the previous period."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     assembler.sync(0)
@@ -118,7 +118,7 @@ def test_a_sweep_that_is_late_as_a_whole_goes_back_to_its_period(assembler):
     assert last[0].stamp == 0 and assembler.statistics()[:5] == (2, 0, 6, 6, 6) and is_balanced(assembler)
 
 
-def test_a_node_that_was_started_owes_nothing(assembler):
+def test_a_started_node_is_not_behind(assembler):
     """After a power cycle, the supervisor starts the node in the middle of a period."""
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     for stamp in range(50):
@@ -197,7 +197,7 @@ def test_an_order_that_was_changed_once_is_forgotten(assembler):
     assert ORDER_MEMORY - 5 < whole < ORDER_MEMORY + 5 and is_balanced(assembler)
 
 
-def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
+def test_a_part_of_the_tail_is_moved_too_and_older_tpdos_are_late(assembler):
     assembler.sync(10.0)
     send(assembler, (ROW_1, '0F0F'), at=10.1)
     assembler.sync(11.0)
@@ -209,7 +209,7 @@ def test_part_of_them_too_and_what_is_older_still_is_late(assembler):
 
 
 @pytest.mark.parametrize('older', [1, 2, 3])
-def test_what_was_sent_before_the_sync_before_is_of_neither_period(assembler, older):
+def test_tpdos_from_before_the_previous_sync_belong_to_neither_period(assembler, older):
     """In this test, the driver lags by two periods.
 
     The driver receives SYNCs 1 and 2 first, then the rest of sweep 0, and then sweeps 1 and 2.
@@ -263,7 +263,7 @@ def test_sweeps_that_may_be_old_are_not_given(assembler, script, frames):
         assert found.get(sequence, set()) <= sweeps, found
 
 
-def test_a_sender_that_often_leaves_out_a_period_is_not_given_up_for_ever(assembler):
+def test_a_sender_that_often_skips_a_period_is_not_ignored_for_ever(assembler):
     script = ' '.join((f'S{i}', f'S{i} A{i} B{i} C{i}', f'S{i} F A{i} B{i} C{i}')[i % 3] for i in range(90))
     found = played(assembler, script)
     assert sum(bool(sweeps) for sweeps in found.values()) >= 10
@@ -273,7 +273,7 @@ def test_a_sender_that_often_leaves_out_a_period_is_not_given_up_for_ever(assemb
 @pytest.mark.parametrize(('taken', 'foreign', 'until', 'is_over'), [
     (1.004, [], 1.0205, True), (1.004, [], 1.0125, False), (1.014, [], 1.0205, True), (1.015, [], 1.0205, False),
     (1.004, [0.99, 1.005], 1.0165, True), (1.004, [1.012, 1.0122, 1.0124], 1.0165, False), (None, [], 1.0205, False)])
-def test_a_bus_that_is_free_when_an_answer_is_due_proves_that_there_is_none(taken, foreign, until, is_over):
+def test_a_free_bus_at_the_due_time_of_an_answer_proves_that_there_is_no_answer(taken, foreign, until, is_over):
     """The answer to the SYNC at 1.0 s is due at 1.01 s.
 
     If no TPDO has arrived since the SYNC at 1.0 s, the adapter may be holding back all TPDOs, so a free bus proves
@@ -290,7 +290,7 @@ def test_a_bus_that_is_free_when_an_answer_is_due_proves_that_there_is_none(take
     assert bus.proves(until) == is_over
 
 
-def test_a_bus_that_seemed_free_because_the_adapter_was_held_up_gives_no_wrong_stamp(assembler):
+def test_a_bus_that_seemed_free_because_of_the_adapter_causes_no_wrong_stamp(assembler):
     for stamp in (0.98, 1.0):
         assembler.sync(stamp)
         if stamp < 1.0:
@@ -451,7 +451,7 @@ def fates(periods, of=(), begin=0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('periods', 'ways', 'step'), [(2, 400, 1), (3, 8000, 1 if LONG else 5)])
-def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, periods, ways, step):
+def test_no_frame_is_wrong_after_any_loss_or_delay_of_one_period(tmp_path, periods, ways, step):
     """TPDOs of the first ``periods`` are lost or late, and all later TPDOs arrive in time.
 
     With two periods, the test tries every combination. With three periods, the test tries every fifth combination, or
@@ -479,7 +479,7 @@ def test_whatever_is_lost_or_late_by_a_period_no_frame_is_wrong(tmp_path, period
 
 @pytest.mark.parametrize('a_period', [4, 5, 7, 10, 30, 1000])
 @pytest.mark.parametrize('lost', [0, 1, 3])
-def test_what_an_adapter_has_held_back_is_given_no_present_stamp(tmp_path, lost, a_period):
+def test_tpdos_that_an_adapter_has_held_back_get_no_present_stamp(tmp_path, lost, a_period):
     """An adapter that has held back TPDOs releases ``a_period`` of them in each period until its queue is empty.
 
     Sweep n is sampled at SYNC n, and each of its taxels has the value 2 * (n // 2).
@@ -537,7 +537,7 @@ def test_a_device_that_is_late_by_part_of_a_sweep_has_the_order_of_the_layout(as
     assert assembler.statistics().orders == (None,)
 
 
-def test_of_two_nodes_each_has_its_own_order(tmp_path):
+def test_each_of_two_nodes_has_its_own_order(tmp_path):
     text = 'nodes: 2\n' + TINY.replace('{number: 3, ', '{node: 1, number: 3, ')
     assembler = telling(FrameAssembler(tiny_layout(tmp_path, text), (1, 2)))
     for number in range(3):

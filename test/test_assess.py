@@ -102,7 +102,7 @@ def test_the_counts_are_those_of_a_list_made_up():
     assert [(group.right.right, group.right.total) for group in answers.groups()] == [(0, 0), (1, 1), (0, 1), (2, 5)]
 
 
-def test_a_recogniser_that_is_too_sure_is_better_on_touches_that_it_has_not_seen(base, assessed):
+def test_an_overconfident_recogniser_improves_on_unseen_touches(base, assessed):
     """The fresh touches cover all eight objects on the assessed skin and were not used in the assessment."""
     fresh = touches_of(EVERY, 2)
     before, after = answers_to(base, fresh), answers_to(adapted(base, assessed), fresh)
@@ -193,7 +193,7 @@ def test_the_level_at_rest_does_not_matter():
     assert measure_skin(higher) == pytest.approx(measure_skin(frames))
 
 
-def test_a_skin_of_which_nothing_is_known_is_said_to_be_so():
+def test_an_unknown_skin_is_reported_as_unknown():
     assert str(measure_skin([])).count('not known') == 3
 
 
@@ -271,7 +271,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize('change', HOSTILE.values(), ids=HOSTILE)
-def test_a_file_that_is_no_assessed_file_is_refused_with_our_error(arrays, change, tmp_path):
+def test_a_file_without_an_assessment_is_refused_with_our_error(arrays, change, tmp_path):
     np.savez(tmp_path / 'hostile.npz', **change(arrays))
     with pytest.raises(ConfigurationError):
         make_recogniser(file=str(tmp_path / 'hostile.npz'))

@@ -79,7 +79,7 @@ def test_every_kind_of_frame_comes_back(tmp_path):
     assert content_of(CanLogReader(written(tmp_path / 'x.mcap'))) == content_of(SENT)
 
 
-def test_what_we_write_others_read(tmp_path):
+def test_other_libraries_read_our_bags(tmp_path):
     """The indexed reader of the MCAP library must be able to read our file.
 
     The test takes the message type only from the schema in the file.
@@ -115,7 +115,7 @@ def test_without_stamps_the_time_of_recording_counts(tmp_path):
     assert [message.timestamp for message in CanLogReader(folder)] == [m.timestamp for m in SENT[:3]]
 
 
-def test_of_a_bag_of_two_buses_one_is_named_by_its_topic(tmp_path):
+def test_one_bus_in_a_bag_of_two_buses_is_named_by_its_topic(tmp_path):
     folder = bag(tmp_path / 'bag', 'MCAP', (('/left/can', CAN_TYPE), ('/right/can', CAN_TYPE)))
     assert len(list(CanLogReader(folder))) == 6
     assert content_of(CanLogReader(folder, '/left/can')) == content_of(SENT[:3])

@@ -72,7 +72,7 @@ def test_the_bit_rate_is_the_one_at_which_frames_are_sound(bitrate, noise):
         assert find_bit_rate('slcan', adapter.port, 0.2) == bitrate
 
 
-def test_the_scan_goes_on_at_the_bit_rate_that_was_found(capsys):
+def test_the_scan_continues_at_the_detected_bit_rate(capsys):
     with bus_of(Adapter(500_000)) as adapter:
         code, out, _ = scan(capsys, adapter, '--passive', '--json')
         assert not adapter.received  # With --passive, the scan sends nothing even after it has found the bit rate.
@@ -80,7 +80,7 @@ def test_the_scan_goes_on_at_the_bit_rate_that_was_found(capsys):
     assert code == 0 and node['bitrate'] == 500_000 and node['node_id'] == 5
 
 
-def test_nothing_is_said_at_a_wrong_bit_rate(capsys):
+def test_nothing_is_sent_at_a_wrong_bit_rate(capsys):
     """A controller that is active at a wrong bit rate destroys every frame with error flags."""
     with bus_of(Adapter(125_000)) as adapter:
         code, out, _ = scan(capsys, adapter, '--node-id', '9')

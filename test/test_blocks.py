@@ -45,7 +45,7 @@ def test_blocks_that_the_edge_of_the_pad_cuts_have_no_value():
 
 
 @pytest.mark.parametrize('pad', [64, 256, 1024])
-def test_what_a_fit_looks_at_has_a_bound(pad):
+def test_the_number_of_blocks_in_a_fit_is_limited(pad):
     y, x = np.indices((pad, pad))
     mask = np.hypot(x - pad / 2, y - pad / 2) < 0.45 * pad
     blocks = in_blocks(mask.astype(float), mask, size_of(mask))
@@ -55,7 +55,7 @@ def test_what_a_fit_looks_at_has_a_bound(pad):
 @pytest.mark.parametrize('shape', CLASSES)
 @pytest.mark.parametrize('is_on_off', [False, True])
 @pytest.mark.parametrize('area', [1100.0, 4000.0])
-def test_a_large_contact_is_where_it_is_and_as_large_as_it_is(shape, is_on_off, area):
+def test_a_large_contact_has_the_right_place_and_size(shape, is_on_off, area):
     rng, pitch, side = generator(Purpose.TEST, 41), 0.002, 140
     contact = random_contact(rng, shape, area, rows=side, cols=side)
     if is_on_off:

@@ -55,7 +55,7 @@ def test_the_exit_code_of_a_replay_says_that_a_line_could_not_be_read(log, capsy
     assert 'lines unread: 1' in capsys.readouterr().out
 
 
-def test_a_replay_starts_whatever_the_parameter_file_has(log, tmp_path, capsys):
+def test_a_replay_starts_with_any_parameter_file(log, tmp_path, capsys):
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    autostart: false\n')
     assert main(['bringup', '--replay', str(log), '--pace', '0', '--params-file', str(file)]) == 0
@@ -94,7 +94,7 @@ def short_timeout(tmp_path):
     (['--end-with', 'launch'], '--end-with: expected a whole number >= 1'),
     (['--interface', 'virtual', '--node-id', 'one'], 'whole number'),
 ])
-def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short_timeout, capsys):
+def test_invalid_arguments_end_with_one_sentence_and_code_2(words, expected, short_timeout, capsys):
     assert main(['bringup', *short_timeout, *words]) == 2
     error = capsys.readouterr().err.strip()
     assert error.startswith('tactile: error: ') and '\n' not in error

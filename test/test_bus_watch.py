@@ -47,7 +47,7 @@ def test_heartbeats_that_an_adapter_has_held_back_are_of_one():
         assert not watch.is_doubled(now, heartbeats - held, 0, 0.1, DELAY)
 
 
-def test_answers_to_node_guarding_are_no_second_producer():
+def test_answers_to_node_guarding_do_not_count_as_a_second_producer():
     watch = HeartbeatWatch()
     assert not any(watch.is_doubled(now, heartbeats, heartbeats // 4, 0.1, DELAY)
                    for now, heartbeats in rounds_of(2.0))
@@ -63,7 +63,7 @@ def surplus(rates: tuple[float, ...], held=lambda now: 0.0, seconds: float = 5.0
             for now in times(seconds)]
 
 
-def test_a_tpdo_that_comes_twice_a_sync_is_found_within_a_second():
+def test_a_tpdo_that_arrives_twice_per_sync_is_found_within_a_second():
     found = surplus((1.0, 2.0, 1.0))
     assert found[50] == found[-1] == (1,) and set(found) == {(), (1,)}
 
@@ -80,7 +80,7 @@ def test_tpdos_that_an_adapter_has_held_back_are_of_one_sender():
     assert set(surplus((1.0,), lambda now: now % 1.0 if now % 1.0 < 0.45 else 0.0)) == {()}
 
 
-def test_tpdos_that_are_lost_are_no_proof_of_a_second_sender():
+def test_lost_tpdos_do_not_prove_a_second_sender():
     assert set(surplus((0.5, 1.0))) == {()}
 
 
@@ -115,7 +115,7 @@ def test_each_sign_of_an_overload_counts_for_a_while(given, kind, begin):
     assert stalls == (kind is Overload.STALLED)
 
 
-def test_a_bus_that_was_opened_again_has_no_call_under_way():
+def test_a_reopened_bus_has_no_pending_call():
     watch = OverloadWatch(lambda call: None, 0.25)
     watch.update(100.0, 0)
     watch.restart()
@@ -133,7 +133,7 @@ def test_a_foreign_sync_is_reported_for_a_second_while_we_produce():
     assert found[-1] is SyncFault.NONE
 
 
-def test_a_foreign_sync_while_inactive_is_no_second_one():
+def test_a_foreign_sync_while_inactive_does_not_count_as_a_second_producer():
     assert SyncFault.SECOND_PRODUCER not in syncs(True, [(now, int(now / 0.02)) for now in times(4.0)], False)
 
 
@@ -177,7 +177,7 @@ def test_heartbeats_of_a_silence_are_of_one_device_and_a_second_one_after_it_is_
 
 
 @pytest.mark.parametrize(('stalls', 'is_reported'), [([5.0], False), ([1.0, 1.05], False), ([0.4] * 60, True)])
-def test_a_stall_excuses_a_silence_and_stalls_without_end_do_not(stalls, is_reported):
+def test_a_stall_excuses_a_silence_but_endless_stalls_do_not(stalls, is_reported):
     """A node falls silent after its first heartbeat while this process stalls for the times in ``stalls`` [s]."""
     bus = BusMonitor([32])
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]

@@ -113,7 +113,7 @@ def test_the_file_says_what_it_was_found_from(response_file):
     assert (np.diff(ratio) > 0).all()
 
 
-def test_a_square_is_no_disc(rng, tmp_path, capsys):
+def test_a_square_is_not_a_disc(rng, tmp_path, capsys):
     """A square was once accepted as a disc of the same area, and other objects then came out 12 % too large."""
     write_log(tmp_path / 'square.log', pressed(rng, *solved('square', (0.0168,), 0.02), presses=6, frames=FRAMES))
     output = tmp_path / 'r.yaml'
@@ -121,7 +121,7 @@ def test_a_square_is_no_disc(rng, tmp_path, capsys):
     assert 'no_circle' in capsys.readouterr().out and not output.exists()
 
 
-def test_a_ball_is_no_flat_disc(rng):
+def test_a_ball_is_not_a_flat_disc(rng):
     field, frames = stress_field(solve(ball(0.03), cells=64), np.pi * (RADIUS / PITCH) ** 2, DEPTH), []
     for _ in range(6):
         x, y = (SIDE - 1) / 2 + rng.uniform(-1, 1, 2)
@@ -159,7 +159,7 @@ def test_slow_presses_with_short_rests_are_zeroed_by_the_rests():
     assert abs(np.median(subtract_zero(frames)[:5])) < 300 and np.median(subtract_zero(frames)[20:90, 12, 12]) > 45e3
 
 
-def test_a_response_file_is_what_was_saved(tmp_path):
+def test_a_response_file_contains_the_saved_response(tmp_path):
     response = SkinResponse('N', Layer(0.0015, 0.1), make_curve([0, 1, 2], [0, 1, 4]))
     save_response(tmp_path / 'r.yaml', response, 'of a test', {})
     found = load_response(tmp_path / 'r.yaml')
@@ -186,7 +186,7 @@ def test_broken_response_files_are_refused_by_key(tmp_path, change, where):
     assert str(path) in error.value.where and where in error.value.where
 
 
-def test_a_curve_keeps_what_has_no_value_and_the_type():
+def test_a_curve_keeps_missing_values_and_the_type():
     curve = make_curve([0, 1, 2], [0, 1, 4])
     found = curve(np.array([np.nan, -2, 3, 0.5], np.float32))
     assert found.dtype == np.float32
@@ -205,7 +205,7 @@ def test_presses_are_separated_by_rest_and_by_place():
     assert [len(press.frames) for press in found.touches] == [PRESS_FRAMES, 2, 2] and not found.unused
 
 
-def test_frames_of_no_use_are_counted_by_reason():
+def test_unusable_frames_are_counted_by_reason():
     two = np.maximum(disc(6, 6, 4), disc(17, 17, 4))
     hidden = disc(12, 12)
     hidden[10:14, 8:14] = np.nan
@@ -252,7 +252,7 @@ def test_the_command_says_what_it_needs(words, says, capsys):
     assert says in capsys.readouterr().err
 
 
-def test_a_known_layer_makes_the_fit_surer_and_a_wrong_one_is_refused():
+def test_a_known_layer_makes_the_fit_more_certain_and_a_wrong_layer_is_refused():
     values, noise = disc(12, 12, 4.5), np.random.default_rng(0).normal(0, 500, (24, 24))
     mask = values > 25e3
     free, known = (fit_shape(values + noise, mask, Shape.CIRCLE, 0.002, layer) for layer in (None, Layer(0.0012, 0.1)))

@@ -194,7 +194,7 @@ def test_bad_input_is_one_of_our_errors(module, words, error):
 
 @pytest.mark.parametrize(('interface', 'channel', 'library', 'linux_driver'), [
     ('kvaser', '0', 'CANlib', 'kvaser_usb'), ('pcan', 'PCAN_USBBUS1', 'PCAN-Basic', 'peak_usb')])
-def test_a_library_of_the_adapters_maker_that_is_missing_is_named_with_the_driver_that_needs_none(
+def test_the_error_names_a_makers_missing_library_and_the_driver_that_needs_none(
         interface, channel, library, linux_driver):
     """For each adapter maker, python-can reports the missing library with a different error."""
     if find_library({'kvaser': 'canlib', 'pcan': 'pcanbasic'}[interface]):
@@ -205,7 +205,7 @@ def test_a_library_of_the_adapters_maker_that_is_missing_is_named_with_the_drive
     assert all(word in refused.value.remedy for word in (linux_driver, 'socketcan', 'docs/adapters.md'))
 
 
-def test_where_the_makers_library_refuses_the_error_is_its_own_and_the_way_around_is_named(monkeypatch):
+def test_an_error_of_the_makers_library_is_passed_on_with_the_workaround(monkeypatch):
     def refuses(**options):
         raise can.CanOperationError('Function canIoCtl failed - Error in parameter.')
     monkeypatch.setattr(can, 'Bus', refuses)

@@ -101,7 +101,7 @@ def test_the_sides_at_which_the_finger_ends_are_named(tmp_path, capsys):
     assert 'ends together with the skin at: no side;' in check(capsys, 'sim16x16.yaml')[1]
 
 
-def test_what_is_mapped_nowhere_is_a_warning(tmp_path, capsys):
+def test_taxels_in_no_tpdo_cause_a_warning(tmp_path, capsys):
     text = SIM.replace('rows: 16', 'rows: 17', 1).replace('dead_taxels: []', 'dead_taxels: [[3, 1]]')
     path = written(tmp_path, text)
     code, out = check(capsys, path, CONFIG / 'sim16x16.eds')
@@ -127,7 +127,7 @@ def test_files_that_cannot_be_read_are_an_error(words, part, capsys):
     assert code == 2 and 'ERROR' in out and part in out
 
 
-def test_a_bit_rate_that_is_none_is_refused(capsys):
+def test_an_impossible_bit_rate_is_refused(capsys):
     assert main(['check', 'sim16x16.yaml', '--bitrate', '0']) == 2
 
 
@@ -182,7 +182,7 @@ def test_several_pads_on_one_bus_share_its_time(pads, period, load, warns, capsy
 
 
 @pytest.mark.parametrize('words', [('--pads', '0'), ('--sync-period', '0'), ('--sync-period', 'nan')])
-def test_a_use_that_is_none_is_refused(words):
+def test_an_impossible_use_is_refused(words):
     assert main(['check', 'sim16x16.yaml', *words]) == 2
 
 
@@ -225,7 +225,7 @@ def test_a_draft_maps_what_the_hand_written_layout_maps(name, words, tmp_path):
     assert ours.rows * theirs.nodes == theirs.rows and ours.cols == theirs.cols
 
 
-def test_what_the_eds_does_not_say_is_marked(tmp_path, capsys):
+def test_values_that_the_eds_lacks_are_marked(tmp_path, capsys):
     eds = tmp_path / 'skin.eds'
     eds.write_text(EDS)
     code, path = drafted(tmp_path, eds, '--cols', 3)
@@ -272,7 +272,7 @@ def test_without_a_file_it_is_printed(tmp_path, capsys):
     ('domain16x10_16bit.eds',), ('mpdo8x8_16bit.eds',), ('nus_sinapse_64x64.eds',),
     ('sim16x16.eds', '--rows', '15', '--cols', '17'), ('sim16x16.eds', '--rows', '0'), ('sim16x16.eds', '--bits', '33'),
     ('sim16x16.eds', '--cols', '2000'), ('nowhere.eds',), ('sim16x16.yaml',)])
-def test_what_cannot_be_a_draft_is_refused(words, capsys):
+def test_an_impossible_draft_is_refused(words, capsys):
     assert main(['draft', *words]) == 2
     out = capsys.readouterr()
     assert not out.out and 'expected' in out.err

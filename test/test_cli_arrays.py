@@ -37,7 +37,7 @@ def test_features_of_every_active_taxel(tactile):
             assert line[name] == expected, name
 
 
-def test_a_line_a_frame(tactile):
+def test_each_frame_becomes_one_line(tactile):
     frames = np.zeros((3, 8, 8), bool)
     frames[1, 2:5, 2:7] = True
     assert [line['N'] for line in tactile('features', frames)] == [0, 15, 0]
@@ -111,7 +111,7 @@ def test_classify_fits_pose_and_size_with_the_pitch(tactile, shape, names, turn)
 
 
 @pytest.mark.parametrize('pitch', ['0', '-0.004', 'nan'])
-def test_a_pitch_that_is_no_length_is_refused(tmp_path, capsys, pitch):
+def test_a_pitch_that_is_not_a_length_is_refused(tmp_path, capsys, pitch):
     np.save(tmp_path / 'frames.npy', np.zeros((2, 2)))
     assert main(['classify', str(tmp_path / 'frames.npy'), f'--pitch={pitch}']) == 2
     assert 'pitch' in capsys.readouterr().err
@@ -134,7 +134,7 @@ def test_standard_input_and_output_file(tmp_path):
 
 
 @pytest.mark.bus
-def test_a_reader_that_leaves_is_no_error(tmp_path):
+def test_a_reader_that_disconnects_is_not_an_error(tmp_path):
     np.save(tmp_path / 'many.npy', np.zeros((3000, 4, 4), bool))
     command = f'{sys.executable} -m tactile_node.cli.main classify {tmp_path}/many.npy | head -n 1'
     result = subprocess.run(['bash', '-o', 'pipefail', '-c', command],

@@ -76,28 +76,28 @@ def closing(force=0.0, opening=0.0, speed=0.0, limits=LIMITS, start=0.06):
     return Closing(make_goal(opening, speed, force, limits), limits, 0.0, start)
 
 
-def test_without_a_force_it_stops_when_both_pads_are_touched():
+def test_the_gripper_stops_without_a_force_limit_when_both_pads_are_touched():
     world = World()
     outcome, _ = world.close(closing())
     assert outcome is Outcome.TOUCHED and 0 < world.strongest < LIMITS.overshoot(LIMITS.fast_speed)
 
 
 @pytest.mark.parametrize('force', [1.0, 5.0, 12.0])
-def test_with_a_force_it_stops_once_the_stronger_pad_reads_it(force):
+def test_the_gripper_stops_once_the_stronger_pad_reads_the_force(force):
     world = World()
     outcome, _ = world.close(closing(force))
     assert outcome is Outcome.FORCE_REACHED
     assert force <= world.strongest <= force + THRESHOLD + LIMITS.overshoot(LIMITS.slow_speed)
 
 
-def test_a_force_on_one_pad_alone_is_no_firm_grasp():
+def test_a_force_on_only_one_pad_is_not_a_firm_grasp():
     world = World(off=0.02, start=0.1)
     assert world.close(closing(1.0, start=0.1))[0] is Outcome.ONE_SIDED
     assert world.depth(1) < 0 and 1.0 < world.strongest < 1.4
 
 
 @pytest.mark.parametrize('travel', [0.0, 0.003])
-def test_with_one_pad_touched_it_goes_on_for_a_limited_travel(travel):
+def test_the_gripper_continues_for_a_limited_travel_while_one_pad_is_touched(travel):
     limits = TouchLimits(one_sided_travel=travel)
     world = World(off=0.02, stiffness=10.0, start=0.1)
     outcome, _ = world.close(closing(5.0, limits=limits, start=0.1))
@@ -114,7 +114,7 @@ def test_with_one_pad_touched_it_goes_on_for_a_limited_travel(travel):
     (lambda touch, now: touch._replace(acquired=-math.inf), Outcome.NOT_SEEN),
     (lambda touch, now: NO_TOUCH, Outcome.NOT_SEEN)])
 @pytest.mark.parametrize('at', [0.0, 0.5])
-def test_it_closes_only_by_what_is_seen_and_current(fault, expected, at):
+def test_the_gripper_closes_only_while_the_pads_are_seen_and_current(fault, expected, at):
     world = World()
     outcome, now = world.close(closing(), seen=lambda touch, now: fault(touch, now) if now >= at else touch)
     assert outcome is expected and now == pytest.approx(at + BLIND_TIME, abs=0.003)
@@ -129,7 +129,7 @@ HIDDEN = (PadForce(0.1, is_hidden=True), PadForce(0.1, is_hidden=True))
     (lambda touch: touch._replace(contact=GraspContact.UNSEEN), 0.3, 0.7),
     (lambda touch: touch._replace(fresh=False), 1.2, 1.6),
     (lambda touch: touch._replace(pads=HIDDEN), 1.2, 1.6)])
-def test_what_is_not_seen_for_a_while_is_waited_for_at_rest(fault, begin, end):
+def test_the_gripper_rests_while_a_pad_is_briefly_unseen(fault, begin, end):
     world, openings, control = World(), [], closing(2.0)
 
     def seen(touch, now):
@@ -141,7 +141,7 @@ def test_what_is_not_seen_for_a_while_is_waited_for_at_rest(fault, begin, end):
     assert openings[0] > world.opening
 
 
-def test_it_goes_on_only_once_the_gripper_has_stopped_and_slowly_where_it_touches():
+def test_closing_continues_only_after_a_stop_and_slowly_after_a_touch():
     seen = Touch(1.0, True, GraspContact.ONE_SIDED, (PadForce(0.5), EMPTY))
     control = closing(3.0)
     assert control.look(1.0, seen, 0.04) is None
@@ -163,7 +163,7 @@ def test_time_in_which_the_gripper_has_yet_to_stop_is_not_blind_while_the_pads_a
     assert control.look(2 * BLIND_TIME + 0.3, seen, 0.06, is_still=False) is Outcome.NOT_SEEN
 
 
-def test_a_gripper_that_does_not_move_is_too_slow_also_where_the_pads_are_not_seen_now_and_then():
+def test_a_gripper_that_does_not_move_is_too_slow_even_if_pads_are_unseen_at_times():
     control, now, outcome, blind = closing(3.0), 0.0, None, 0.0
     while outcome is None and now < 60.0:
         is_seen = now % 1.0 < 0.7
@@ -189,13 +189,13 @@ def test_one_frame_that_is_not_seen_changes_nothing_but_what_the_other_pad_reads
 
 
 @pytest.mark.parametrize('pad', [PadForce(0.1, is_hidden=True), PadForce(math.nan)], ids=['hidden', 'on/off'])
-def test_a_force_that_may_be_any_is_not_trusted(pad):
+def test_an_indefinite_force_is_not_trusted(pad):
     world = World(bends=lambda real, now: pad if real.force > 0 else real)
     assert world.close(closing(5.0))[0] is Outcome.FORCE_NOT_KNOWN
     assert world.strongest < 2 * LIMITS.overshoot(LIMITS.fast_speed)
 
 
-def test_of_a_contact_that_goes_on_beyond_the_pad_the_limit_has_a_margin():
+def test_the_limit_has_a_margin_for_a_contact_that_extends_beyond_the_pad():
     world = World(bends=lambda real, now: PadForce(real.force * 0.6, is_bound=True))
     assert world.close(closing(5.0))[0] is Outcome.FORCE_REACHED
     assert world.strongest <= 5.0 + LIMITS.overshoot(LIMITS.slow_speed)
@@ -225,7 +225,7 @@ def test_a_gripper_that_hardly_moves_is_too_slow():
     assert outcome is Outcome.TOO_SLOW and step * 0.001 == pytest.approx(1.0 + 3 * 0.06 / LIMITS.fast_speed, rel=0.01)
 
 
-def test_it_slows_down_at_the_first_touch_and_from_a_width_on():
+def test_the_gripper_slows_down_at_the_first_touch_or_below_an_opening():
     control = closing()
     empty = Touch(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
     control.look(0.0, empty, 0.06)
@@ -266,7 +266,7 @@ def test_a_speed_whose_overshoot_exceeds_the_force_is_refused_with_the_numbers()
 @pytest.mark.parametrize('changed', [
     {'widest': 0.0}, {'edge_share': 1.1}, {'slow_speed': 0.03}, {'touch_force': 30.0}, {'max_age': math.nan},
     {'latency': -1.0}, {'slow_from': -0.1}, {'one_sided_travel': math.inf}], ids=str)
-def test_limits_that_are_none_are_refused(changed):
+def test_impossible_limits_are_refused(changed):
     with pytest.raises(ConfigurationError):
         TouchLimits(**changed)
 
@@ -326,7 +326,7 @@ def test_the_rest_begins_where_the_last_movement_ends():
     (lambda now: 0.04, None, REST_TIME), (lambda now: 0.04 - 0.001 * now, Outcome.NOT_STOPPED, 0.5 + REST_LIMIT),
     (lambda now: math.nan, Outcome.NOT_STOPPED, 0.5 + REST_LIMIT),
     (lambda now: 0.04 if now > 1.0 else math.nan, None, 1.0 + REST_TIME)])
-def test_a_gripper_that_refuses_a_cancel_is_at_rest_only_where_that_is_measured(opening, expected, after):
+def test_a_gripper_that_refuses_a_cancel_is_at_rest_only_if_the_opening_is_measured(opening, expected, after):
     end, now = clear(opening, lambda now: True, is_ended=False)
     assert end is expected and now == pytest.approx(after, abs=0.03)
 
@@ -335,7 +335,7 @@ def two_sided(force, acquired):
     return Touch(acquired, True, GraspContact.TWO_SIDED, (PadForce(force), PadForce(force)))
 
 
-def test_a_goal_to_open_ends_where_the_force_rises_beyond_what_it_began_with():
+def test_a_goal_to_open_ends_if_the_force_rises_above_its_initial_value():
     widening = Widening(0.08, LIMITS, 0.0, 0.04)
     # A frame acquired before the goal must not set the initial force.
     assert widening.look(0.1, two_sided(50.0, -1.0), 0.04) is None

@@ -84,7 +84,7 @@ def test_the_height_is_that_of_the_solid_in_the_message(example):
     assert cylinder.dimensions[0] == 0.07
 
 
-def test_what_both_pads_hold_is_as_long_as_they_are_apart(example):
+def test_a_held_object_is_as_long_as_the_distance_of_the_contacts(example):
     box, = example.held_object(grasp(), sides(), 'held').primitives
     assert box.dimensions[2] == 0.04
 

@@ -106,7 +106,7 @@ def test_a_contact_that_may_continue_in_hidden_taxels_is_a_bound():
     assert not (found.force_is_bound or found.size_is_bound) and found.filled == 1, 'an enclosed taxel is filled'
 
 
-def test_what_presses_under_a_hidden_group_within_a_contact_is_not_made_up():
+def test_the_force_under_a_hidden_group_within_a_contact_is_not_invented():
     """The object is hollow, and filling its hidden taxels from the rim once gave 1.8 times the true force."""
     frame = np.zeros((16, 16))
     frame[4:10, 4:10] = 100e3
@@ -134,19 +134,19 @@ def pressed(*places, level=50e3):
 
 @pytest.mark.parametrize('ends', [NO_SIDE, *SkinSide, SkinSide(15)], ids=str)
 @pytest.mark.parametrize('side', SkinSide, ids=str)
-def test_at_the_pads_edge_the_force_is_whole_where_the_finger_ends_with_the_skin(side, ends):
+def test_the_force_at_the_pads_edge_is_exact_if_the_finger_ends_with_the_skin(side, ends):
     found = found_in(pressed(BARS[side]), ends).moments
     assert found.force == pytest.approx(25 * 50e3 * PITCH**2) and found.size_is_bound
     assert found.force_is_bound == found.centre_of_pressure_is_bound == (side not in ends)
 
 
-def test_a_bar_across_the_finger_is_whole_only_where_the_finger_ends_at_both_sides():
+def test_a_bar_across_the_finger_is_complete_only_if_the_finger_ends_at_both_sides():
     across = pressed(np.s_[6:10, :])
     columns = SkinSide.FIRST_COL | SkinSide.LAST_COL
     assert [found_in(across, ends).moments.force_is_bound for ends in (SkinSide.FIRST_COL, columns)] == [True, False]
 
 
-def test_beyond_a_place_without_a_taxel_the_finger_goes_on():
+def test_the_finger_continues_beyond_a_position_without_a_taxel():
     unmapped = np.zeros((16, 16), bool)
     unmapped[:, 12:] = True
     found = found_in(np.where(unmapped, np.nan, pressed(np.s_[6:11, 7:12])), SkinSide(15), unmapped=unmapped).moments
@@ -175,7 +175,7 @@ def test_the_force_of_a_pad_is_that_of_all_its_contacts():
     assert pad_force(found_in(pressed(LARGEST, SECOND, level=0.1), unit='N')).force == pytest.approx(5.2)
 
 
-def test_an_empty_pad_has_no_force_and_one_that_is_not_seen_none_that_is_known():
+def test_an_empty_pad_has_no_force_and_an_unseen_pad_has_an_unknown_force():
     assert pad_force(found_in(np.zeros((16, 16)))) == (0.0, False)
     hidden = np.zeros((16, 16))
     hidden[:7] = np.nan
@@ -211,7 +211,7 @@ def test_a_second_contact_where_the_finger_ends_is_whole_as_the_largest_one():
     assert pad_force(found_in(pressed(LARGEST, SECOND_AT_EDGE), SkinSide.LAST_ROW)) == (pytest.approx(10.4), False)
 
 
-def test_what_makes_the_largest_force_a_bound_makes_that_of_the_pad_one():
+def test_the_force_of_a_pad_is_a_bound_if_its_largest_force_is_one():
     saturated = pressed(LARGEST) > 0
     assert pad_force(found_in(pressed(LARGEST, SECOND), saturated=saturated)).is_bound
 
@@ -339,7 +339,7 @@ def test_without_visible_noise_deviations_are_not_known():
     assert np.isnan(moments(on_off, unit='1').centre_of_pressure_sd).all()
 
 
-def test_a_noise_of_each_taxel():
+def test_each_taxel_has_its_own_noise():
     noise = np.where(MASK, [[0, 30.0, 0], [0, 40.0, 0], [0, 0, 0]], 1.0)
     found = contact_moments(VALUES, MASK, PITCH, 'Pa', noise=noise)
     assert found.force_sd == pytest.approx(50 * PITCH**2)

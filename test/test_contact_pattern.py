@@ -84,7 +84,7 @@ def test_masks_of_another_shape_or_kind_are_refused(wrong):
             PatternExtractor(PressThresholds(5, 3)).extract(np.zeros((2, 2)), **{name: wrong})
 
 
-def test_a_pattern_of_a_mask_is_what_the_extractor_finds():
+def test_a_pattern_of_a_mask_equals_the_pattern_of_the_extractor():
     frame = np.array([[9, 0, NAN], [9, 9, 0]])
     found = extract(frame)
     made = ContactPattern.of(found.mask, found.values)
@@ -130,6 +130,6 @@ def test_a_bool_frame_is_the_pressed_taxels(largest):
 
 @pytest.mark.parametrize('frame', [np.zeros(3), np.zeros((1, 2, 3)), np.zeros((0, 3)),
                                    np.zeros((2, 2), complex)])
-def test_what_is_no_frame_is_refused(frame):
+def test_an_array_that_is_not_a_frame_is_refused(frame):
     with pytest.raises(InputError, match='rows, cols'):
         PatternExtractor(PressThresholds(5, 3)).extract(frame)

@@ -45,7 +45,7 @@ def test_the_five_shapes_are_convex(taxels):
     assert convex(taxels) and convex(taxels.T)
 
 
-def test_a_rim_that_one_edge_of_the_pad_cuts_encloses_what_it_did():
+def test_a_rim_cut_by_one_edge_of_the_pad_encloses_the_same_taxels():
     half = ring(9, 7, row=0)
     assert convex(half)
     assert not convex(np.roll(half, 6, axis=0)), 'away from the edge, the same arc is a bow'
@@ -59,7 +59,7 @@ def test_pressures_below_the_mask_close_a_rim():
     assert not is_convex(np.where(mask, values, 0.0), mask)
 
 
-def test_taxels_that_are_not_seen_are_no_notch():
+def test_unseen_taxels_are_not_a_notch():
     values = bar(5, 5, 12, 12).astype(float)
     values[5:14, 9:17] = np.nan
     assert is_convex(values, values > 0)
@@ -67,7 +67,7 @@ def test_taxels_that_are_not_seen_are_no_notch():
     assert not is_convex(values, values > 0)
 
 
-def test_several_parts_alike_are_one_contact_and_a_large_one_beside_a_small_is_itself():
+def test_equal_parts_form_one_contact_and_a_large_part_is_recognised_beside_a_small_one():
     recogniser = make_recogniser()
     parts = ring(4, 0, 8, 10) | ring(4, 0, 8, 20) | ring(4, 0, 17, 15)
     large = bar(4, 5, 14, 14) | bar(9, 21, 4, 4)

@@ -57,7 +57,7 @@ def counted(name, place):
 
 
 @pytest.mark.parametrize(('table', 'name', 'place'), ROWS)
-def test_a_row_that_goes_or_comes_does_so_everywhere(monkeypatch, table, name, place):
+def test_a_counter_is_added_or_removed_everywhere_at_once(monkeypatch, table, name, place):
     others = tuple(row for row in getattr(counters, table) if row.name != name)
     monkeypatch.setattr(counters, table, others)
     assert counted(name, place) == (None, 0, False)

@@ -70,12 +70,12 @@ def test_two_lines_that_have_run_into_each_other_cost_their_frames(tmp_path, suf
 
 
 @pytest.mark.parametrize('suffix', TEXTS)
-def test_of_a_text_cut_short_within_a_line_that_line_alone_is_lost(tmp_path, suffix):
+def test_only_the_incomplete_line_of_a_truncated_text_is_lost(tmp_path, suffix):
     reader = CanLogReader(text_log(tmp_path, suffix, lambda lines: b''.join(lines[:10]) + half(lines[10])))
     assert numbers(reader) == list(range(10)) and reader.unread == 1 and 'cut short' in reader.problem
 
 
-def test_of_a_format_that_only_python_can_knows_it_is_said_that_losses_are_not_counted(tmp_path, caplog, monkeypatch):
+def test_a_warning_says_that_losses_in_formats_of_python_can_are_not_counted(tmp_path, caplog, monkeypatch):
     monkeypatch.setattr(can, 'LogReader', can.CanutilsLogReader)
     path = tiny_log(tmp_path, '(1.0) can0 181#4142', name='x.xyz')
     # Without the blank line, the reader would recognise a candump log by its first bytes.
@@ -121,7 +121,7 @@ End TriggerBlock
 
 
 @pytest.mark.parametrize(('suffix', 'ids'), [('.asc', [0x181, 0x281, 0x381]), ('.trc', [0x181, 0x281, 0x381])])
-def test_what_is_no_can_frame_in_another_makers_log_is_not_taken_for_damage(tmp_path, suffix, ids):
+def test_other_records_in_a_makers_log_do_not_count_as_damage(tmp_path, suffix, ids):
     reader = CanLogReader(other_makers(tmp_path, suffix))
     assert [message.arbitration_id for message in reader if not message.is_error_frame] == ids
     assert not reader.unread

@@ -76,7 +76,7 @@ def held_until(sent, release, begin, count):
 
 @pytest.mark.parametrize('offset', OFFSETS)
 @pytest.mark.parametrize('period', [0.001, 0.01, 0.02, 0.05])
-def test_delays_are_found_whatever_the_offset_of_the_clocks(offset, period):
+def test_delays_are_found_at_any_offset_of_the_clocks(offset, period):
     rng = np.random.default_rng(1)
     sent = times(period)
     result = run(sent, queued(sent, jitter(rng, len(sent))), lambda t: t + offset)
@@ -177,7 +177,7 @@ def test_a_burst_that_live_messages_overtake_is_not_fresh():
     assert result.fresh[result.arrival > 8.7].all()
 
 
-def test_a_backlog_that_is_worked_off_slowly_is_not_settled():
+def test_a_backlog_that_arrives_slowly_is_not_settled():
     """After a hold of 3 s, a relay sends its backlog at 4/3 of the normal rate.
 
     The first message that the reader receives belongs to the backlog.

@@ -56,7 +56,7 @@ def circle(radius, sd=0.03):
     return verdict
 
 
-def test_a_wrong_size_of_the_right_shape_is_no_right_touch():
+def test_a_right_shape_with_a_wrong_size_is_not_a_right_touch():
     """A wrong size counts as wrong, even if its standard deviation is large and the shape is certain."""
     near, wide = circle(4.2), circle(5.5, sd=0.76)
     assert near.is_right_shape and near.is_right_size and near.size_error == pytest.approx(0.0002)
@@ -84,7 +84,7 @@ def test_a_machine_that_is_too_slow_is_named(latency, frames, skin_late, waited,
     assert f'median {1e3 * latency[0]:.0f} ms' in text and f'{len(latency)}% of the taxel frames' in text
 
 
-def test_a_script_goes_on_when_a_device_is_started_again(monkeypatch):
+def test_a_script_continues_when_a_device_is_restarted(monkeypatch):
     """A restarted device counts its seconds from 0 again, but the script of touches continues."""
     monkeypatch.setattr('examples.demo.skin.time', SimpleNamespace(time=lambda: 1000.0))
     script, touch = Script(), scripted_touches(1, [25.0], 16, 16)[0]

@@ -113,7 +113,7 @@ INSTALLED = {**imported('tactile_node'), **imported('launch')}
 
 
 @pytest.mark.parametrize('module', sorted(INSTALLED))
-def test_what_is_imported_is_a_dependency(module):
+def test_each_imported_module_is_a_dependency(module):
     """Without the dependency, the program fails with a ModuleNotFoundError on a robot that rosdep or pip has set up."""
     origin = ORIGINS.get(module, Origin(module, None))
     where = f'{module}, which {INSTALLED[module]} imports'
@@ -123,7 +123,7 @@ def test_what_is_imported_is_a_dependency(module):
 
 @pytest.mark.slow
 @pytest.mark.parametrize('folder', ['test', 'examples'])
-def test_what_tests_and_examples_import_is_a_dependency(folder):
+def test_each_module_that_tests_and_examples_import_is_a_dependency(folder):
     """The dependencies of training and benchmarks are listed separately, in requirements/bench.in."""
     known = keys('depend', 'exec_depend', 'test_depend', 'buildtool_depend')
     for module, file in imported(folder).items():

@@ -58,7 +58,7 @@ def test_systemd_reads_every_line_of_a_unit(unit):
 
 
 @pytest.mark.parametrize('words', [words_of_unit(), words_of_image(), compose()['command']])
-def test_each_starts_the_driver_alone_and_waits_for_its_bus(words):
+def test_each_service_starts_only_the_driver_and_waits_for_its_bus(words):
     driver, = describe_nodes(_parser('bringup').parse_args(['bringup', *words]), '')
     assert driver.label == 'skin_driver' and driver.parameters.get('wait_at_start', True)
     assert len(driver.parameters['pads']) == len(driver.parameters['node_ids'])

@@ -89,15 +89,15 @@ def records(device: Device) -> dict:
 def test_a_device_of_another_layout_is_set_up():
     device = of_another_layout()
     set_up(device)
-    assert records(device) == records(Device()) | {  # The set-up keeps the NO_RTR bit in the COB-IDs of the device.
+    assert records(device) == records(Device()) | {  # The setup keeps the NO_RTR bit in the COB-IDs of the device.
         (0x1800 + i, 1): 0x4000_0000 + NODE.layout.tpdos[i].cob_id.of(32) for i in (0, 1)}
 
 
 @pytest.mark.parametrize('options', [
     {'fixed': [(0x1A00, 0)]}, {'fixed': [(0x1A01, 0)]}, {'fixed': [(0x1A01, 2)]}, {'kept': [(0x1A01, 1)]},
     {'fixed': [(0x1801, 2)]}, {'kept': [(0x1801, 2)]}], ids=str)
-def test_a_device_that_refuses_its_set_up_is_left_as_it_was(options):
-    """A device that refused its set-up was once left with disabled or half-written TPDOs."""
+def test_a_device_that_refuses_its_setup_keeps_its_settings(options):
+    """A device that refused its setup was once left with disabled or half-written TPDOs."""
     device = of_another_layout(**options)
     before = records(device)
     with pytest.raises(UnverifiedDeviceError):
@@ -107,7 +107,7 @@ def test_a_device_that_refuses_its_set_up_is_left_as_it_was(options):
                                and place[1] <= 2} == {}
 
 
-def test_a_set_up_that_is_interrupted_is_taken_back():
+def test_an_interrupted_setup_is_undone():
     device = of_another_layout()
     before = records(device)
     with pytest.raises(InterruptedSetupError):
@@ -219,7 +219,7 @@ def test_the_order_of_its_tpdos_is_reported_with_the_node():
     assert node.health(0.1).tpdo_order is None
 
 
-def test_a_silence_while_this_process_is_overloaded_is_no_fault_at_once():
+def test_a_silence_during_an_overload_of_this_process_is_not_a_fault_at_once():
     node, bus, pad = monitored(0.1)
     bus.feed(0x720, b'\x05')
     heard = bus.heartbeats.of(32).heard

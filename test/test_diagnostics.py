@@ -61,11 +61,11 @@ def healthy_but(**changes):
     return BusHealth(nodes={'left': (WELL._replace(**changes),)})
 
 
-def test_what_was_lost_before_the_first_message_is_reported():
+def test_losses_before_the_first_message_are_reported():
     assert levels(each_second(), statistics(late=3, overruns=2)) == [WARN, WARN]
 
 
-def test_the_level_is_of_the_time_since_the_message_before():
+def test_the_level_covers_the_time_since_the_previous_message():
     diagnostics = each_second()
     assert levels(diagnostics, statistics(frames=10)) == [OK, OK]
     assert levels(diagnostics, statistics(frames=20, late=1)) == [OK, WARN]

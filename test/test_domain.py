@@ -88,7 +88,7 @@ def test_other_objects_are_not_ours():
     assert steps(SdoUpload(0x2400, 0), *BLOCK) == [Step.NOTHING] * len(BLOCK)
 
 
-def test_whatever_is_damaged_only_the_true_bytes_are_given():
+def test_a_damaged_upload_never_yields_wrong_bytes():
     random = Random(11)
     for _ in range(3000):
         frames = [bytes.fromhex(frame[1:]) for frame in BLOCK]
@@ -180,7 +180,7 @@ def test_fields_may_lie_across_any_bytes(tmp_path, order):
     (('sub: 1', 'sub: 1, blocks: 3'), 'domain.blocks'), (('bytes: 9', 'bytes: 0'), 'domain.bytes'),
     (('domain:', 'nodes: 2\ndomain:'), 'single node'), (('domain:', 'tpdos: [{number: 1, cob_id: 0x181, '
      'map: [[0x2000, 1, 8]], taxels: [[0, 0, 0]]}]\ndomain:'), 'no "tpdos" beside the domain')])
-def test_bad_layouts(tmp_path, change, says):
+def test_bad_layouts_are_refused(tmp_path, change, says):
     with pytest.raises(ConfigurationError, match=says):
         tiny_layout(tmp_path, TINY.replace(*change))
 

@@ -104,7 +104,7 @@ def test_a_taxel_taken_out_as_faulty_does_not_keep_the_others_from_being_followe
 
 
 @pytest.mark.slow
-def test_a_light_lasting_touch_is_taken_for_drift_slowly():
+def test_a_light_lasting_touch_slowly_counts_as_drift():
     """A touch of 3 kPa is below half the limit, so the zero may absorb at most limit / 300 of the touch per second."""
     pad = TaredPad(GUARD, DriftFollower(LIMIT))
     given(pad, 10, 0.0, lambda t: 0.0)

@@ -83,7 +83,7 @@ def test_a_device_that_is_gone_is_never_ok_nor_operational(chain):
     chain.until(lambda: chain.levels[-1] == (OK, OK), 'never OK again')
 
 
-def test_what_is_missing_at_start_is_waited_for_and_reported_now_and_then(chain):
+def test_the_driver_waits_for_a_missing_bus_and_reports_it_now_and_then(chain):
     chain.bench.adapter.is_plugged = False
     logged, begun, heard = chain.listen(Log, '/rosout', 100), time.monotonic(), chain.status
     starting = threading.Thread(target=chain.node.autostart, args=(threading.Event(),))
@@ -190,7 +190,7 @@ def test_activate_may_be_tried_again_after_an_outage(chain):
     chain.until(lambda: chain.taxels, 'no taxels')
 
 
-def test_a_transition_that_does_not_fit_is_answered_and_ends_nothing(chain):
+def test_an_invalid_transition_is_answered_and_ends_nothing(chain):
     chain.node.autostart()
 
     def is_made(number):
@@ -201,7 +201,7 @@ def test_a_transition_that_does_not_fit_is_answered_and_ends_nothing(chain):
     assert is_made(Transition.TRANSITION_DEACTIVATE)
 
 
-def test_what_configure_reads_can_be_set_while_unconfigured_and_not_after(chain):
+def test_parameters_read_at_configure_can_be_set_only_while_unconfigured(chain):
     assert chain.set('sync_period', 0.1).successful
     for change in ('configure', 'activate'):
         getattr(chain.node, f'trigger_{change}')()
@@ -215,7 +215,7 @@ def test_what_configure_reads_can_be_set_while_unconfigured_and_not_after(chain)
     assert chain.node._settings.sync_period == 0.2
 
 
-def test_whoever_comes_late_gets_the_last_status(chain):
+def test_a_late_subscriber_gets_the_last_status(chain):
     chain.start()
     heard = chain.listen(SkinStatus, '/skin_driver/status', STATUS_QOS)
     chain.until(lambda: heard, 'no status')
@@ -320,7 +320,7 @@ def test_a_command_that_does_not_wait_is_refused_once(chain, tare_here, capsys):
     assert refusal.startswith('tactile: error: pad32: tare: expected nothing on the pad: all taxels below 0.03 N')
 
 
-def test_the_command_tries_again_while_something_presses_and_tares_all_pads_of_the_driver(chain, tmp_path):
+def test_the_command_retries_while_something_presses_and_tares_all_pads_of_the_driver(chain, tmp_path):
     printed = tmp_path / 'printed.txt'
     chain.start()
     with printed.open('w') as output:

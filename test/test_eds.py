@@ -95,7 +95,7 @@ def test_a_number_with_a_leading_0_is_octal(tmp_path):
 
 
 @pytest.mark.parametrize('number', ['08', '019', '0x'])
-def test_what_is_no_number_in_any_base_is_refused(tmp_path, number):
+def test_text_that_is_not_a_number_in_any_base_is_refused(tmp_path, number):
     with pytest.raises(ConfigurationError, match='VendorNumber'):
         load_eds(write(tmp_path, OCTAL.replace('VendorNumber=001', f'VendorNumber={number}')), 5)
 

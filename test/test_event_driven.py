@@ -118,7 +118,7 @@ def test_duplicates_change_nothing(sweeps):
     assert rows(frame) == [11, 11, 11] and only(sweep(sweeps, 5 + T)).sequence == 1 and is_balanced(sweeps)
 
 
-def test_equal_bytes_of_the_next_sweep_are_no_duplicate(tmp_path):
+def test_equal_bytes_of_the_next_sweep_are_not_a_duplicate(tmp_path):
     """Without a touch, a pad with a single TPDO sends the same bytes in every sweep."""
     one = re.sub(r'(?m)^- \{number: [23].*\n', '', SWEEPS).replace('rows: 3', 'rows: 1')
     assembler = made(tmp_path, one)
@@ -133,7 +133,7 @@ def test_a_changed_order_makes_two_incomplete_frames(sweeps):
 
 
 @pytest.mark.parametrize('at', [4.0, 4.9995, 5.09])
-def test_a_stamp_out_of_range_is_of_another_sweep(sweeps, at):
+def test_a_stamp_out_of_range_belongs_to_another_sweep(sweeps, at):
     send(sweeps, 0, 5.0, 11)
     results = send(sweeps, 1, at, 12) + sweeps.end_period()
     assert [rows(frame) for frame in frames(results)] == [[11, None, None], [None, 12, None]]
@@ -208,7 +208,7 @@ def test_after_a_restart_nothing_of_before_is_given(tmp_path, text):
 
 
 @pytest.mark.parametrize('text', [SWEEPS, SNAPSHOTS], ids=['sweeps', 'snapshots'])
-def test_what_a_started_node_sends_is_not_joined_to_what_it_sent_before(tmp_path, text):
+def test_tpdos_from_before_and_after_the_start_of_a_node_are_not_joined(tmp_path, text):
     """The node restarts within milliseconds, and its range or mapping may have changed meanwhile."""
     assembler = made(tmp_path, text)
     results = sweep(assembler, 5.0, 11, [0, 1])
@@ -371,7 +371,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(('text', 'says'), BAD.values(), ids=BAD)
-def test_bad_layouts(tmp_path, text, says):
+def test_bad_layouts_are_refused(tmp_path, text, says):
     with pytest.raises(ConfigurationError, match=re.escape(says)):
         tiny_layout(tmp_path, text)
 

@@ -44,7 +44,7 @@ def sent_at(plan, times, data=lambda now: b''):
     return [now for now in times if [tpdo.can_id for tpdo in plan.due(now, lambda _, at=now: data(at))] == [0x181]]
 
 
-def test_a_scan_is_sent_at_each_event_timer_and_none_is_made_up_for():
+def test_a_scan_is_sent_at_each_event_timer_and_missed_scans_are_not_sent_later():
     plan = schedule(event_timer=0.5)
     assert sent_at(plan, [10, 10.25, 10.5, 10.75, 14.25, 14.5, 14.75]) == [10, 10.5, 14.25, 14.75]
 

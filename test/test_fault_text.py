@@ -63,7 +63,7 @@ def test_a_nodes_sentence_tells_the_last_heartbeat():
     assert node_text('left', silent._replace(heartbeat_age=None)).endswith('(no heartbeat so far).')
 
 
-def test_of_an_outage_that_lasts_the_sentence_tells_why():
+def test_the_sentence_about_an_ongoing_outage_gives_the_reason():
     outages = Outages(1, 0.5, NodeFault.BOOTED, Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
     text = node_text('left', NodeHealth(32, NmtState.OPERATIONAL, True, 0.1, fault=NodeFault.AWAITING_TAXELS,
                                         outages=outages))
@@ -109,7 +109,7 @@ def test_commands_by_name(command, text):
     assert command_text(command) == text
 
 
-def test_reactions():
+def test_each_fault_has_a_sentence_about_the_reaction():
     assert reaction_text(NodeFault.BOOTED) == reaction_text(NodeFault.NO_TAXELS) != reaction_text(NodeFault.NO_SYNC)
     assert 'as soon as it answers' in reaction_text(NodeFault.SILENT)
 
@@ -123,7 +123,7 @@ def test_an_emergency_is_decoded_and_counted():
 
 
 @pytest.mark.parametrize('fault', [NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS])
-def test_both_orders_are_named_where_a_device_sends_in_another_one(fault):
+def test_the_text_names_both_orders_if_a_device_sends_in_another_order(fault):
     order = TpdoOrder(32, ('1', '2', '3'), ('3', '1', '2'))
     node = NodeHealth(32, NmtState.OPERATIONAL, True, 0.1, fault, missing_tpdos=(SentTpdo(3, 0x1A2),), tpdo_order=order)
     text = node_text('left', node)

@@ -68,7 +68,7 @@ def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
     assert ((0 < gaps) & (gaps < len(syncs) - 2)).any()
 
 
-def test_a_driver_amid_an_outage_closes_and_leaves_no_thread_behind():
+def test_a_driver_closes_during_an_outage_and_leaves_no_thread_behind():
     before = set(threading.enumerate())
     with FaultBench('closing') as bench:
         bench.run()
@@ -80,7 +80,7 @@ def test_a_driver_amid_an_outage_closes_and_leaves_no_thread_behind():
     assert wait_until(lambda: set(threading.enumerate()) <= before)
 
 
-def test_a_driver_closed_amid_an_outage_opens_again():
+def test_a_driver_closed_during_an_outage_opens_again():
     with FaultBench('again') as bench:
         bench.run()
         bench.adapter.is_plugged = False

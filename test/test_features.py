@@ -82,6 +82,6 @@ def test_groups_select():
 
 
 @pytest.mark.parametrize('wrong', [np.ones((2, 2)), np.ones(4, bool), [[True]]])
-def test_what_is_no_pattern_is_refused(wrong):
+def test_an_array_that_is_not_a_pattern_is_refused(wrong):
     with pytest.raises(InputError, match='bool array of shape'):
         compute_features(wrong)

@@ -34,7 +34,7 @@ def test_a_picture_is_pressed_where_it_is_dark(tmp_path):
 
 
 @pytest.mark.parametrize('content', [b'', b'no picture', b'\x89PNG\r\n\x1a\n' + bytes(30)])
-def test_what_is_no_picture_is_refused(tmp_path, content):
+def test_a_file_that_is_not_a_picture_is_refused(tmp_path, content):
     path = tmp_path / 'plug.png'
     path.write_bytes(content)
     with pytest.raises(InputError):

@@ -116,21 +116,21 @@ def both(shape: str, way: str) -> tuple[Followed, Followed]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('shape', 'way'), PAIRS)
-def test_a_fit_that_goes_on_is_as_near_to_the_truth_as_a_search(shape, way):
+def test_a_following_fit_is_as_accurate_as_a_search(shape, way):
     searched, followed = both(shape, way)
     assert np.median(apart(followed)) <= np.median(apart(searched)) + 0.03
     assert apart(followed).max() <= apart(searched).max() + 0.2
 
 
 @pytest.mark.parametrize(('shape', 'way'), PAIRS)
-def test_it_is_no_surer_than_it_is_right(shape, way):
+def test_a_following_fit_is_no_more_confident_than_it_is_accurate(shape, way):
     searched, followed = both(shape, way)
     assert followed.inside.mean() >= min(searched.inside.mean(), 0.95) - 1 / FRAMES
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('shape', PUNCHES if LONG else ('rectangle', 'isosceles_triangle'))
-def test_it_does_not_lag_behind_a_slide(shape):
+def test_a_following_fit_does_not_lag_behind_a_slide(shape):
     """At 50 Hz and with taxels 2 mm apart, a slide by 0.5 pitch per frame is 50 mm/s."""
     searched, followed = both(shape, 'slides by 0.5 pitch a frame')
     assert abs((followed.apart - searched.apart)[:, 0].mean()) < 0.03
@@ -161,7 +161,7 @@ def test_a_contact_that_jumps_is_searched_for_at_once(searches):
 
 
 @pytest.mark.parametrize('kinds', [('punch', 'ball'), ('ball', 'punch')], ids='-'.join)
-def test_a_punch_that_becomes_a_ball_of_the_same_outline_is_as_large_and_as_sure_as_searched_for(kinds):
+def test_a_punch_that_becomes_a_ball_with_the_same_outline_is_fitted_as_by_a_search(kinds):
     indenters = {'punch': flat_punch(Contact('circle', PUNCHES['circle'], 0.0, 0.0), 0.03, 0.12), 'ball': ball(0.1)}
     fields = [stress_field(solve(indenters[kind], (0.05, 0.03)), 60.0, DEPTH) for kind in kinds]
     follower, rng = FitFollower(), np.random.default_rng(20261126)
@@ -224,7 +224,7 @@ def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize('load, hidden', [(0.05, 0), (0.1, 0), (0.2, 0), (1.0, 13), (1.0, 15)])
-def test_a_circle_first_seen_badly_is_as_large_as_searched_for(load, hidden):
+def test_a_circle_first_seen_badly_is_fitted_as_by_a_search(load, hidden):
     """A circle that is touched lightly or is half hidden may look like a cone, whose fitted radius is larger."""
     pairs = np.array([first_press(number, load, hidden) for number in range(40 if LONG else 12)])
     assert abs(pairs[:, 0] - pairs[:, 1]).max() < 0.1

@@ -140,8 +140,8 @@ def png_with_a_transparent_grey(path, depth, row, grey):
 
 
 @pytest.mark.parametrize(('depth', 'row', 'grey'), [(8, b'\x09\xff', 255), (16, b'\x00\x09\xff\xff', 65535)])
-def test_a_grey_that_the_picture_calls_transparent_is_no_value(tmp_path, depth, row, grey):
-    """Read as an opaque pixel, this grey would be the brightest one and count as the hardest press."""
+def test_a_transparent_grey_has_no_value(tmp_path, depth, row, grey):
+    """If the reader treated this grey as opaque, the pixel would be the brightest and count as the hardest press."""
     found = read_frames(png_with_a_transparent_grey(tmp_path / 'x.png', depth, row, grey)).values
     np.testing.assert_allclose(found, [[[9 / (2 ** depth - 1), np.nan]]])
 
@@ -157,7 +157,7 @@ def no_png(path):
     lambda path: png(path, np.array([[[9, 9, 9, 128]]], np.uint8)),
     lambda path: png_with_a_transparent_grey(path, 4, b'\x0f', 15), no_png],
     ids=['red', 'wide', 'half', 'few bits', 'broken'])
-def test_a_picture_that_has_no_value_a_pixel_is_refused(tmp_path, make):
+def test_a_picture_without_one_value_per_pixel_is_refused(tmp_path, make):
     with pytest.raises(InputError):
         read_frames(make(tmp_path / 'x.png'))
 

@@ -42,7 +42,7 @@ def test_a_skipped_sweep_costs_a_few_more(load, pads, clock):
     (1.01, 0.98, WIRE), (1.1, 0.9, HOST),
     *LONG * [(1.01, 0.98, HOST), (1.1, 0.9, WIRE), *((*loads, clock) for loads in ((1.01, 0.8), (1.03, 0.95))
                                                       for clock in (HOST, WIRE))]])
-def test_in_an_overload_no_stamp_is_wrong_and_after_it_all_is_whole(over, after, clock):
+def test_no_stamp_is_wrong_during_an_overload_and_all_sweeps_are_whole_after_it(over, after, clock):
     """Under overload, the node falls behind, omits sweeps and later catches up.
 
     From time to time, the driver omits a SYNC to find out which SYNC the node is answering.

@@ -75,7 +75,7 @@ def of(**shares):
                                                     for name, p in shares.items()])
 
 
-def test_a_frame_that_is_not_seen_is_reported_at_once_and_is_no_evidence():
+def test_an_unseen_frame_is_reported_at_once_and_adds_no_evidence():
     fusion, unseen = RecognitionFusion(), Recognition.unknown(UnknownReason.NOT_SEEN)
     before = feed(fusion, [SQUARE] * 50)[-1]
     for k in range(20):
@@ -87,7 +87,7 @@ def test_a_frame_that_is_not_seen_is_reported_at_once_and_is_no_evidence():
     assert (after.since, after.held, after.frames) == (0.7, 0.0, 1), 'an unseen contact does not count as held'
 
 
-def test_repetition_does_not_show_what_is_hidden():
+def test_repeated_frames_do_not_reveal_hidden_taxels():
     """Each frame gives the square a probability of 75 %.
 
     If fusion treated the frames as independent, the probability of the square would soon reach 100 %.
@@ -155,7 +155,7 @@ def test_after_a_long_time_unseen_it_starts_again():
     assert fusion.update(1.1, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
 
 
-def test_unseen_between_two_contacts_joins_none_of_their_evidence():
+def test_two_contacts_with_an_unseen_time_between_them_share_no_evidence():
     fusion = RecognitionFusion()
     feed(fusion, [SQUARE] * 50)
     fusion.update(0.5, Recognition.certain(Shape.NONE))
@@ -191,7 +191,7 @@ def test_a_hidden_part_and_a_doubt_are_both_kept_by_the_fusion():
     assert 0.8 < fused.recognition.confidence < 0.25 + 0.75 * 0.851
 
 
-def test_a_doubt_that_begins_lowers_what_was_sure():
+def test_a_new_doubt_lowers_an_earlier_high_confidence():
     fusion = RecognitionFusion()
     for k in range(100):
         sure = fusion.update(k * PERIOD, Recognition.of({Shape.RIGHT_TRIANGLE: 0.97, Shape.CIRCLE: 0.03}))

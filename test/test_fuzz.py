@@ -12,7 +12,7 @@ CASES = sorted(path for path in CORPUS.iterdir() if path.name != 'README.md')
 
 
 @pytest.mark.parametrize('path', CASES, ids=lambda path: path.name)
-def test_what_once_broke_something(path: Path):
+def test_inputs_that_once_broke_a_reader_are_survived(path: Path):
     """The file name of a case begins with the kind of the file."""
     assert survives(path.name.split('_')[0], path) in ('read', 'refused')
 

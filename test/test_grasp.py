@@ -72,7 +72,7 @@ RESULT = {E: empty, T: touch, U: unseen}
 
 @pytest.mark.parametrize(('states', 'expected'), CONTACT.items())
 @pytest.mark.parametrize('mirrored', [False, True])
-def test_a_contact_is_what_both_sides_are_known_to_be(states, expected, mirrored):
+def test_the_contact_state_follows_from_the_states_of_both_sides(states, expected, mirrored):
     tracker = GraspTracker(SETTINGS)
     states = states[::-1] if mirrored else states
     for side, state in zip(('left', 'right'), states):
@@ -178,7 +178,7 @@ def test_a_single_result_that_shows_nothing_only_suspends_it(name):
     assert not state.stable and state.held == 0.0
 
 
-def test_a_result_that_is_a_bound_says_so():
+def test_a_result_that_is_a_bound_is_marked():
     state = run(GraspTracker(SETTINGS), until(3.0), left=lambda t: touch(t, is_bound=True))
     assert state.line is not None and state.line_is_bound and state.stable
 

@@ -80,7 +80,7 @@ def held(first_held):
     return deepcopy(first_held)
 
 
-def test_it_succeeds_while_the_grasp_is_stable_and_as_asked_for(world):
+def test_the_condition_succeeds_while_the_grasp_is_stable_and_meets_the_requirements(world):
     assert world.tick() is Status.FAILURE
     world.publish(1.5)
     assert world.tick() is Status.SUCCESS
@@ -89,7 +89,7 @@ def test_it_succeeds_while_the_grasp_is_stable_and_as_asked_for(world):
     assert world.tick(min_confidence=1.0) is Status.FAILURE
 
 
-def test_it_fails_once_grasps_stop_without_a_message(held):
+def test_the_condition_fails_once_grasps_stop(held):
     assert held.tick() is Status.SUCCESS
     held.now += example.MAX_SILENCE + 0.01
     assert held.tick() is Status.FAILURE
@@ -104,13 +104,13 @@ def test_a_grasp_that_was_held_back_is_too_old(held):
 
 @pytest.mark.parametrize('states', [(SideState.TOUCHED, SideState.UNSEEN), (SideState.TOUCHED, SideState.EMPTY),
                                     (SideState.EMPTY, SideState.EMPTY)])
-def test_what_is_not_held_or_not_seen_fails(held, states):
+def test_the_condition_fails_if_the_object_is_not_held_or_not_seen(held, states):
     held.publish(states=states)
     assert held.tick() is Status.FAILURE
 
 
 @pytest.mark.parametrize('required, expected', [({}, Status.SUCCESS), ({'min_confidence': 0.5}, Status.FAILURE)])
-def test_a_shape_that_is_surely_unknown_is_not_sure(held, required, expected):
+def test_a_certainly_unknown_shape_is_not_a_confident_name(held, required, expected):
     """If a minimum confidence is required, an unknown shape fails, however confident the recogniser is of "unknown"."""
     grasp = held.message(held._tracker.state(held.now))
     grasp.shape, grasp.class_name, grasp.confidence = ContactShape.UNKNOWN, 'unknown', 0.5

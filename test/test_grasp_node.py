@@ -129,7 +129,7 @@ def test_pads_of_any_clocks_are_one_grasp_with_an_age(make_gripper, offsets):
 
 @pytest.mark.parametrize('parameters', SIM_TIME, ids=['', 'sim time without a clock'])
 @pytest.mark.parametrize('continuing', [(), ('left',), ('right',)], ids=['none', 'left', 'right'])
-def test_when_shapes_stop_a_message_says_so(make_gripper, parameters, continuing):
+def test_a_message_reports_that_the_shapes_have_stopped(make_gripper, parameters, continuing):
     """test_grasp.py tests how late this message may be, and `make misled` measures the delay."""
     gripper = make_gripper(parameters)
     gripper.run_until(lambda grasp: grasp.stable, 'a stable grasp')

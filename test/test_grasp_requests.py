@@ -165,7 +165,7 @@ def test_the_last_grasp_of_a_lossless_replay_that_has_ended_is_not_held(make_pla
 
 
 @pytest.mark.parametrize('parameters', SIM_TIME, ids=['', 'sim time without a clock'])
-def test_when_pads_go_silent_a_goal_times_out_and_never_succeeds_by_an_old_grasp(make_planner, parameters):
+def test_a_goal_times_out_when_pads_go_silent_and_never_succeeds_with_an_old_grasp(make_planner, parameters):
     planner = make_planner(parameters)
     planner.until(lambda: planner.gripper.grasps and planner.gripper.latest.stable, BOTH)
     planner.until(lambda: not planner.gripper.latest.fresh)

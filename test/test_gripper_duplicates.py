@@ -133,7 +133,7 @@ def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
         parent.kill()
 
 
-def test_a_process_that_is_no_number_is_one_error(tmp_path):
+def test_a_process_id_that_is_not_a_number_causes_one_error(tmp_path):
     done = subprocess.run([sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--end-with', 'launch'],
                           env=environment_with('control_msgs'), capture_output=True, text=True, timeout=60)
     assert done.returncode == 2 and '--end-with' in done.stderr and 'Traceback' not in done.stderr
@@ -148,7 +148,7 @@ def add_second(bench, name='second', **parameters):
 
 
 @pytest.mark.parametrize('hold', [False, True])
-def test_a_close_under_way_stops_and_a_hold_ends(make_bench, hold):
+def test_a_closing_gripper_stops_and_a_hold_ends(make_bench, hold):
     bench = make_bench(parameters={'hold': hold})
     sent = bench.client.send(position=0.0, effort=5.0)
     bench.until((lambda: sent.ending is not None) if hold else (lambda: bench.motor.opening < 0.058))

@@ -62,7 +62,7 @@ def restart(bench):
     bench.until_listened()
 
 
-def test_grasps_that_are_dropped_are_no_silence(bench):
+def test_dropped_grasps_do_not_count_as_silence(bench):
     bench.pads.change = malformed
     restart(bench)
     assert 'every grasp on /grasp was dropped' in refused(bench)
@@ -103,7 +103,7 @@ FACTS = {'duplicate': '', 'is_served': True, 'work': 'none', 'last': None, 'gras
     (FACTS | {'last': Outcome.GRIPPER_SILENT}, DiagnosticStatus.WARN, 'GRIPPER_SILENT'),
     (FACTS | {'last': Outcome.NOT_STOPPED}, DiagnosticStatus.WARN, 'NOT_STOPPED'),
     (FACTS | {'duplicate': 'another one', 'is_served': False}, DiagnosticStatus.ERROR, 'another one')])
-def test_the_level_is_of_the_worst_fact(facts, level, says):
+def test_the_level_follows_from_the_worst_fact(facts, level, says):
     found = gripper_status('/touch_gripper', '/arm/gripper_cmd', **facts)
     assert (found.name, found.level) == ('/touch_gripper: gripper', level) and says in found.message
 

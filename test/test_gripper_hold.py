@@ -83,7 +83,7 @@ def test_the_opening_follows_what_gives_way_and_the_goal_has_ended_before(held, 
 
 
 @pytest.mark.parametrize(('parameters', 'effort', 'shrinks'), [({}, FORCE, SHRINKS), ({'hold': True}, 0.0, 2e-5)])
-def test_it_is_off_by_default_and_after_a_goal_without_effort(make_bench, parameters, effort, shrinks):
+def test_no_hold_starts_by_default_or_after_a_goal_without_effort(make_bench, parameters, effort, shrinks):
     bench = make_bench(parameters=parameters)
     bench.close(position=0.0, effort=effort)
     bench.wait(0.1)
@@ -93,7 +93,7 @@ def test_it_is_off_by_default_and_after_a_goal_without_effort(make_bench, parame
     assert not bench.motor.commands and force(bench) < FORCE - 1
 
 
-def test_it_eases_off_by_what_it_has_pressed(held):
+def test_the_gripper_opens_again_by_as_much_as_it_has_closed(held):
     bench = held()
     first = bench.motor.opening
     bench.pads.width -= SHRINKS
@@ -109,7 +109,7 @@ def test_it_eases_off_by_what_it_has_pressed(held):
 
 @pytest.mark.parametrize(('moving', 'raised'), [
     (ContactMotion.SLIDING | ContactMotion.TURNING, 0.5), (ContactMotion.STILL, 0.0), (ContactMotion.TURNING, 0.0)])
-def test_it_grips_harder_where_a_pad_reports_that_the_object_slides(held, moving, raised):
+def test_the_gripper_presses_harder_if_a_pad_reports_a_slide(held, moving, raised):
     bench = held(slide_force_step=0.5, highest_force=FORCE + 0.5)
     bench.pads.change = set_(motions=[ContactMotion(moving=ContactMotion.STILL), ContactMotion(moving=moving)])
     if raised:
@@ -124,7 +124,7 @@ HIDDEN = [set_(hidden_taxels=[2, 0]), set_(saturated_taxels=[0, 1]), set_(force_
 
 
 @pytest.mark.parametrize('changes', [NOT_SEEN, HIDDEN], ids=['not seen', 'hidden'])
-def test_by_what_is_not_trusted_it_does_not_move_and_ends_after_a_time(held, changes):
+def test_untrusted_readings_do_not_move_the_gripper_and_end_the_hold(held, changes):
     bench = held()
     for change in changes:
         hide(bench, change)
@@ -138,7 +138,7 @@ def test_by_what_is_not_trusted_it_does_not_move_and_ends_after_a_time(held, cha
         hold(bench)
 
 
-def test_what_is_not_seen_for_a_moment_is_waited_for(held):
+def test_the_hold_waits_while_a_pad_is_unseen_for_a_moment(held):
     bench = held()
     bench.pads.change = set_(hidden_taxels=[3, 0])
     bench.wait(0.05)
@@ -150,7 +150,7 @@ def test_what_is_not_seen_for_a_moment_is_waited_for(held):
     assert not ends(bench)
 
 
-def test_a_force_that_may_be_more_is_not_added_to(held):
+def test_the_gripper_does_not_press_harder_on_a_possibly_larger_force(held):
     bench = held()
     bench.pads.change = set_(force_is_bound=[True, True], at_edge=[True, True])
     bench.wait(0.05)
@@ -178,7 +178,7 @@ def test_a_correction_stops_when_a_pad_is_no_longer_seen(held, change):
     assert ended(bench) == Outcome.NOT_SEEN and bench.motor.opening == stopped
 
 
-def test_its_travel_ends_it(held):
+def test_using_up_the_travel_ends_the_hold(held):
     bench = held(hold_travel=0.003)
     first = bench.motor.opening
     while not ends(bench) and bench.motor.opening > first - 0.01:
@@ -192,7 +192,7 @@ def test_its_travel_ends_it(held):
     assert bench.motor.opening == stopped
 
 
-def test_what_is_lost_ends_it(held):
+def test_losing_the_object_ends_the_hold(held):
     bench = held()
     bench.pads.width = 0.0
     assert ended(bench) == Outcome.LOST
@@ -202,7 +202,7 @@ def test_what_is_lost_ends_it(held):
     assert bench.motor.opening == stopped and not bench.motor.moves
 
 
-def test_a_new_goal_ends_it_and_is_held_itself(held):
+def test_a_new_goal_ends_the_hold_and_is_held_itself(held):
     bench = held()
     refused = bench.close(position=math.nan)[2]
     assert refused.outcome == Outcome.REFUSED and not ends(bench)
@@ -214,7 +214,7 @@ def test_a_new_goal_ends_it_and_is_held_itself(held):
 
 
 @pytest.mark.parametrize('change', [lambda message: message, *NOT_SEEN])
-def test_opening_always_ends_it(held, change):
+def test_opening_always_ends_the_hold(held, change):
     bench = held()
     closes(bench)
     hide(bench, change)
@@ -243,14 +243,14 @@ def test_a_cancel_of_the_goal_that_has_ended_changes_nothing(make_bench):
     (lambda bench: bench.motor.fall_silent(), Outcome.GRIPPER_SILENT),
     (lambda bench: setattr(bench.motor, 'blocked_at', bench.motor.opening), Outcome.STALLED)],
     ids=['rejects', 'dead', 'silent', 'stalls'])
-def test_a_gripper_that_does_not_take_the_correction_ends_it(held, fault, expected):
+def test_a_gripper_that_does_not_accept_the_correction_ends_the_hold(held, fault, expected):
     bench = held()
     fault(bench)
     bench.pads.width -= SHRINKS
     assert ended(bench) == expected
 
 
-def test_a_correction_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(held):
+def test_a_correction_that_a_cancel_does_not_stop_gets_a_goal_at_the_current_opening(held):
     bench = held()
     bench.motor.stays = True
     bench.pads.width -= SHRINKS

@@ -61,7 +61,7 @@ def test_the_outcomes_of_the_message_are_those_of_the_code():
         each.name: int(each) for each in Outcome}
 
 
-def test_what_is_sent_in_a_step_has_arrived_at_its_end(make_bench):
+def test_messages_sent_in_a_step_arrive_before_its_end(make_bench):
     """If messages arrived after the end of their step, the durations in these tests would not be exact."""
     bench = make_bench()
     bench.client.send(position=0.0)
@@ -74,7 +74,7 @@ def test_what_is_sent_in_a_step_has_arrived_at_its_end(make_bench):
 
 @pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
 @pytest.mark.parametrize('kind', KINDS)
-def test_without_effort_it_stops_when_both_pads_are_touched(make_bench, kind, stop_by):
+def test_a_goal_without_effort_ends_when_both_pads_are_touched(make_bench, kind, stop_by):
     bench = make_bench(kind, {'stop_by': stop_by})
     status, state, outcome = bench.close(position=0.0)
     assert (status, outcome.outcome, state.stalled, state.reached_goal) == (SUCCEEDED, Outcome.TOUCHED, True, False)
@@ -87,7 +87,7 @@ def test_without_effort_it_stops_when_both_pads_are_touched(make_bench, kind, st
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_with_an_effort_it_stops_at_that_force_and_goes_slowly_from_the_touch_on(make_bench, kind):
+def test_a_goal_with_an_effort_ends_at_that_force_and_closes_slowly_after_the_touch(make_bench, kind):
     bench = make_bench(kind)
     status, state, outcome = bench.close(position=0.0, effort=5.0)
     assert (status, outcome.outcome, state.stalled) == (SUCCEEDED, Outcome.FORCE_REACHED, True)
@@ -109,7 +109,7 @@ def test_a_gripper_in_radians_that_close_it_is_commanded_in_radians(make_bench):
     assert bench.close(position=0.0)[2].outcome == Outcome.REACHED and bench.motor.opening == pytest.approx(0.08)
 
 
-def test_without_an_object_it_reaches_its_goal(make_bench):
+def test_the_gripper_reaches_its_goal_without_an_object(make_bench):
     bench = make_bench(pads={'width': 0.0})
     status, state, outcome = bench.close(position=0.03)
     assert (status, outcome.outcome, state.stalled, state.reached_goal) == (SUCCEEDED, Outcome.REACHED, False, True)
@@ -136,7 +136,7 @@ def test_a_gripper_does_not_close_but_opens_while_a_pad_is_not_seen(make_bench):
         assert (status, outcome.outcome, bench.motor.opening) == (SUCCEEDED, Outcome.REACHED, 0.08)
 
 
-def test_it_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
+def test_the_gripper_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
     bench = make_bench()
     for change in NOT_SEEN:
         bench.open()
@@ -153,7 +153,7 @@ def test_it_stops_and_holds_when_a_pad_is_no_longer_seen(make_bench):
 
 
 @pytest.mark.parametrize(('kind', 'stop_by'), [(KINDS[0], 'cancel'), (KINDS[1], 'goal')])
-def test_what_is_not_seen_for_a_while_is_waited_for_at_rest(make_bench, kind, stop_by):
+def test_the_gripper_rests_while_a_pad_is_briefly_unseen(make_bench, kind, stop_by):
     bench = make_bench(kind, {'stop_by': stop_by})
     handle = bench.client.send(position=0.0)
     bench.wait(0.3)
@@ -168,14 +168,14 @@ def test_what_is_not_seen_for_a_while_is_waited_for_at_rest(make_bench, kind, st
     assert outcome.outcome == Outcome.TOUCHED and bench.motor.opening < stopped
 
 
-def test_a_frame_now_and_then_that_is_not_seen_does_not_stop_it(make_bench):
+def test_occasional_unseen_frames_do_not_stop_the_gripper(make_bench):
     bench = make_bench()
     is_unseen = itertools.cycle([True, False, False])
     bench.pads.change = lambda message: unseen(message) if next(is_unseen) else message
     assert bench.close(position=0.0)[2].outcome == Outcome.TOUCHED
 
 
-def test_a_force_that_may_be_larger_stops_it(make_bench):
+def test_a_possibly_larger_force_stops_the_gripper(make_bench):
     """Each change makes a pad saturated, partly hidden, on/off or not seen, or makes its force a lower bound."""
     bench = make_bench()
     for change in (set_(saturated_taxels=[1, 0]), set_(hidden_taxels=[0, 2]), set_(forces=[math.nan, 0.2]),
@@ -187,7 +187,7 @@ def test_a_force_that_may_be_larger_stops_it(make_bench):
         assert bench.pads.strongest <= THRESHOLD + FAST_RISE
 
 
-def test_a_second_publisher_of_grasp_is_not_believed(make_bench):
+def test_a_second_publisher_of_grasp_is_not_used(make_bench):
     bench = make_bench()
     bench.add('other').create_publisher(Grasp, '/grasp', 10)
     bench.until_joined(lambda: bench.node.count_publishers('/grasp') == 2)
@@ -252,7 +252,7 @@ def test_pads_that_already_press_with_more_than_the_goal_end_it_and_nothing_is_s
     assert not any(each.of_hold for each in bench.client.outcomes)
 
 
-def test_a_late_command_is_held_where_a_cancel_lets_the_gripper_go_on(make_bench):
+def test_a_late_command_is_followed_by_a_goal_to_hold_if_a_cancel_does_not_stop(make_bench):
     bench = make_bench(parameters={'stop_by': 'goal'})
     bench.motor.coasts = True
     bench.motor.fall_silent()
@@ -317,7 +317,7 @@ def test_a_goal_to_open_partly_opens_after_a_server_was_lost_at_the_touch(make_b
     assert bench.motor.opening == pytest.approx(0.05)
 
 
-def test_a_force_within_the_overshoot_is_reached_and_the_excess_is_said(make_bench):
+def test_a_force_within_the_overshoot_is_reached_and_the_text_states_the_excess(make_bench):
     bench = make_bench()
     for force, effort, text in ((2.5, 2.0, '0.5 N more than the 2 N'), (2.0, 2.0, '')):
         press(bench, force)
@@ -374,7 +374,7 @@ def test_a_goal_that_cannot_be_used_is_refused_with_a_reason_and_changes_nothing
     (lambda bench: bench.motor.die(), Outcome.NO_GRIPPER),
     (lambda bench: bench.motor.fall_silent(), Outcome.GRIPPER_SILENT)],
     ids=['rejects', 'dead', 'silent'])
-def test_a_gripper_that_does_not_take_the_command(make_bench, fault, expected):
+def test_a_gripper_that_does_not_accept_the_command(make_bench, fault, expected):
     bench = make_bench()
     fault(bench)
     bench.wait(0.2)
@@ -407,7 +407,7 @@ def test_a_gripper_that_is_far_too_slow(make_bench):
     assert 0 < late < LOOK_PERIOD + 5 * STEP  # The goal, the stop and the result take one STEP each.
 
 
-def test_a_gripper_that_is_not_stopped_by_a_cancel_is_sent_to_where_it_is(make_bench):
+def test_a_gripper_that_a_cancel_does_not_stop_gets_a_goal_at_its_opening(make_bench):
     bench = make_bench()
     bench.motor.stays = True
     outcome = bench.close(position=0.0)[2].outcome
@@ -425,7 +425,7 @@ def test_a_gripper_that_takes_one_goal_at_a_time_is_stopped_by_a_cancel(make_ben
     assert bench.pads.strongest <= THRESHOLD + 2 * FAST_RISE
 
 
-def test_an_empty_result_is_no_opening(make_bench):
+def test_an_empty_result_gives_no_opening(make_bench):
     """An empty result has the position 0.0, which would turn the next goal to close into a goal to open."""
     bench = make_bench('GripperCommand')
     bench.pads.knows_gap, bench.motor.is_terse = False, True
@@ -534,7 +534,7 @@ def test_a_gripper_that_never_ends_a_command_closes_only_after_a_restart_where_i
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_a_gripper_that_says_it_is_there_before_it_is_goes_on_under_guard(make_bench, kind):
+def test_a_gripper_that_reports_success_early_stays_under_guard(make_bench, kind):
     """The controllers of ros2_control report success early, because their default goal_tolerance is 10 mm."""
     bench = make_bench(kind)
     bench.motor.is_hasty = True
@@ -544,7 +544,7 @@ def test_a_gripper_that_says_it_is_there_before_it_is_goes_on_under_guard(make_b
 
 
 @pytest.mark.parametrize(('position', 'blocked_at'), [(0.0, 0.05), (LIMITS.widest, 0.06)])
-def test_a_gripper_that_says_it_is_there_and_rests_elsewhere_has_failed(make_bench, position, blocked_at):
+def test_a_gripper_that_reports_success_but_rests_elsewhere_has_failed(make_bench, position, blocked_at):
     bench = make_bench(pads={'width': 0.0})
     bench.motor.is_hasty, bench.motor.blocked_at = True, blocked_at
     if position:
@@ -554,7 +554,7 @@ def test_a_gripper_that_says_it_is_there_and_rests_elsewhere_has_failed(make_ben
     assert f'measured opening is {1e3 * abs(bench.motor.opening - position):.0f} mm' in outcome.message
 
 
-def test_a_gripper_that_says_it_is_there_and_is_not_measured_is_believed(make_bench):
+def test_a_report_of_success_is_trusted_if_the_opening_is_not_measured(make_bench):
     bench = make_bench(pads={'width': 0.0})
     bench.pads.knows_gap = False
     bench.wait(MAX_AGE + PERIOD)
@@ -563,7 +563,7 @@ def test_a_gripper_that_says_it_is_there_and_is_not_measured_is_believed(make_be
 
 
 @pytest.mark.parametrize('stop_by', ['cancel', 'goal'])
-def test_a_gripper_that_said_it_is_there_is_stopped_where_it_is(make_bench, stop_by):
+def test_a_gripper_that_reported_success_early_is_stopped_at_its_opening(make_bench, stop_by):
     """A cancel would find no command, so a goal stops the gripper.
 
     A node that is shut down stops the gripper in the same way.
@@ -636,7 +636,7 @@ def test_an_opening_that_was_held_back_on_its_way_is_not_the_present_one(make_be
     assert bench.close(position=0.05)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
 
 
-def test_of_two_publishers_of_grasp_no_opening_is_believed(make_bench):
+def test_the_opening_from_two_publishers_of_grasp_is_not_used(make_bench):
     bench = make_bench(pads={'width': 0.0})
     bench.add('other').create_publisher(Grasp, '/grasp', 10)
     bench.until_joined(lambda: bench.node.count_publishers('/grasp') == 2)

@@ -38,7 +38,7 @@ def quiet(shape):
 
 @pytest.mark.parametrize('before', [[], [quiet(BLOCK.shape)], [np.zeros(BLOCK.shape)]], ids=['none', 'quiet', 'zeros'])
 @pytest.mark.parametrize('share', [0.5, 1.5])
-def test_a_block_keeps_its_size_under_uneven_gains_whatever_rested_before(before, share):
+def test_a_block_keeps_its_size_under_uneven_gains_after_any_earlier_contact(before, share):
     for seed in range(20):
         gains = np.random.default_rng(seed).uniform(0.8, 1.25, BLOCK.shape)
         frame = 0.02 + gains * (BLOCK + carried(BLOCK, share))
@@ -60,7 +60,7 @@ def test_a_third_of_the_halo_or_more_is_taken_from_values_without_a_unit_and_non
     np.testing.assert_array_equal(pressures.mask, BLOCK)
 
 
-def test_a_weak_side_is_no_halo():
+def test_a_weak_side_is_not_a_halo():
     tilted = np.where(BLOCK, 1.0, 0.0)
     tilted[3:9, 12:15] = 0.3
     assert halo_of(tilted, EVERYWHERE, BLOCK) is None

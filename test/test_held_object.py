@@ -80,25 +80,25 @@ def test_sides_that_are_sure_of_different_classes_are_of_none():
 @pytest.mark.parametrize('mass', [0.1, 0.3, 0.6, 0.99, 1.0])
 @pytest.mark.parametrize('of', ['unknown', 'none'])
 @pytest.mark.parametrize('is_right', [False, True])
-def test_what_a_side_leaves_open_lowers_the_confidence(mass, of, is_right):
+def test_the_uncertainty_of_a_side_lowers_the_confidence(mass, of, is_right):
     open_side = probabilities('square', 1 - mass, mass) | {'unknown': 0.0, of: mass}
     sides = (probabilities('square'), open_side)
     name, confidence = of_classes(*(sides if is_right else sides[::-1]))
     assert confidence == pytest.approx(1 - mass) and name == ('square' if mass < 0.5 else 'unknown')
 
 
-def test_both_sides_unknown_or_without_classes_are_unknown():
+def test_an_object_is_unknown_if_both_sides_are_unknown_or_have_no_classes():
     unknown = probabilities('square', 0.0, 1.0)
     assert of_classes(unknown, unknown) == of_classes({}, {}) == ('unknown', 0.0)
 
 
-def test_a_class_that_only_one_side_knows_is_no_common_one():
+def test_a_class_that_only_one_side_knows_is_not_a_common_class():
     assert of_classes({'plug': 1.0, 'square': 0.0}, {'square': 1.0})[0] == 'unknown'
     assert of_classes({'plug': 0.9, 'unknown': 0.1}, {'plug': 1.0}) == ('plug', pytest.approx(0.9))
 
 
 @pytest.mark.parametrize('same', [0.5, 0.99])
-def test_what_sure_sides_say_does_not_hang_on_the_prior(same, monkeypatch):
+def test_the_result_of_two_certain_sides_does_not_depend_on_the_prior(same, monkeypatch):
     monkeypatch.setattr(module, 'SAME_FACES', same)
     circle, square = probabilities('circle', 0.99), probabilities('square', 0.99)
     assert of_classes(circle, square)[0] == 'unknown' and of_classes(circle, circle)[0] == 'circle'
@@ -160,7 +160,7 @@ def test_sizes_of_other_names_are_not_joined():
     (((True, False), (False, False)), ((0.030, False), (0.0095, False))),
     (((False, False), (True, False)), ((0.020, False), (0.0095, False))),
     (((True, False), (True, True)), ((0.030, True), (0.010, False)))])
-def test_a_bound_gives_way_to_a_size_and_of_two_the_larger_counts(bounds, expected):
+def test_a_size_replaces_a_bound_and_the_larger_of_two_bounds_is_used(bounds, expected):
     found = held(*(face('rectangle', dimensions=sizes, dimension_is_bound=each)
                    for sizes, each in zip(((0.020, 0.010), (0.030, 0.009)), bounds)))
     assert found.dimension_is_bound == tuple(is_bound for _, is_bound in expected)
@@ -234,14 +234,14 @@ def test_right_faces_alone_are_seen_as_by_the_left_pad():
 @pytest.mark.parametrize(('sds', 'apart', 'is_known'), [
     (0.01, radians(4.9), True), (0.01, radians(5.1), False),  # Five standard deviations are 4.05 degrees.
     (0.03, radians(12.0), True), (0.03, radians(12.3), False)])  # Five standard deviations are 12.15 degrees.
-def test_yaws_that_contradict_each_other_are_none(sds, apart, is_known):
+def test_yaws_that_contradict_each_other_give_no_yaw(sds, apart, is_known):
     found = held(face(angle=0.0, angle_sd=sds), face(angle=-apart, angle_sd=sds))
     assert isnan(found.yaw) == isnan(found.yaw_sd) != is_known and found.symmetry == 4
     if is_known:  # The Birge ratio, here apart / (sqrt(2) sds), widens the standard deviation.
         assert found.yaw == pytest.approx(apart / 2) and found.yaw_sd == pytest.approx(apart / 2)
 
 
-def test_an_apex_that_one_side_knows_is_known():
+def test_the_apex_is_known_if_one_side_knows_it():
     left, right = faces_of('isosceles_triangle', 2.0, DEFAULT)
     doubtful = right._replace(fit=right.fit._replace(symmetry=3, angle=right.fit.angle + 2 * pi / 3))
     found = held(left, doubtful)
@@ -257,7 +257,7 @@ def test_a_circle_and_a_taught_shape_have_no_yaw():
 
 
 @pytest.mark.parametrize('gripper', [DEFAULT, TURNED, OBLIQUE], ids=['default', 'turned', 'oblique'])
-def test_the_centre_is_that_of_the_line_whatever_the_opening(gripper):
+def test_the_centre_is_that_of_the_line_at_any_opening(gripper):
     """The centre is measured from the left pad's origin, along its axes projected across the closing direction."""
     left, right = (0.012, 0.004), (0.011, -0.003)
     found = held(face(centre=left), face(centre=right), gripper)
@@ -289,7 +289,7 @@ def test_without_the_noise_of_the_taxels_the_grip_is_known_and_its_deviation_is_
 
 
 @pytest.mark.parametrize('changes', [{'force': nan}, {'force_is_bound': True}])
-def test_a_force_that_is_not_known_grips_with_none_that_is(changes):
+def test_the_grip_force_is_unknown_if_one_force_is_unknown(changes):
     for found in (held(face(**changes), face()), held(face(), face(**changes))):
         assert np.isnan((found.grip_force, found.grip_force_sd, found.force_imbalance)).all()
 
@@ -318,7 +318,7 @@ def test_faces_lean_as_the_object_is_turned(gripper, turn):
     assert np.isnan(held(face(slope=slopes[0]), face(), gripper).lean).all()
 
 
-def test_a_wedge_that_both_pads_feel_alike_leans_nowhere():
+def test_a_wedge_that_both_pads_feel_equally_has_no_lean():
     """Both faces rise towards the same side, so no rotation makes both flat."""
     assert held(face(slope=(1e6, 0.0)), face(slope=(1e6, 0.0))).lean == pytest.approx((0.0, 0.0))
 

@@ -85,7 +85,7 @@ def holding(limits=LIMITS, opening=0.04, force=FORCE, **hold):
     return Holding(make_goal(0.0, 0.0, force, limits), limits, HoldLimits(**hold), 0.0, opening)
 
 
-def test_a_force_that_stays_moves_nothing():
+def test_a_constant_force_causes_no_movement():
     spring = Spring(noise=0.1)
     assert spring.hold(20.0, holding()) is None and not spring.corrections and spring.place == spring.first
 
@@ -104,7 +104,7 @@ def test_rubber_that_creeps_is_followed_within_the_deadband(stiffness, creep):
     assert set(spring.corrections) == {'closes'}
 
 
-def test_what_swells_is_eased_off_by_what_it_has_been_pressed_and_no_more():
+def test_a_growing_object_is_released_by_no_more_than_it_was_pressed():
     """The object shrinks by 1 mm, returns to its original size, and then grows by 3 mm."""
     spring = Spring(give=lambda now: 0.001 if now < 10 else 0.001 - 0.0005 * (now - 10))
     control = holding()
@@ -118,7 +118,7 @@ def test_what_swells_is_eased_off_by_what_it_has_been_pressed_and_no_more():
     assert spring.forces[-1] > FORCE + 2
 
 
-def test_beyond_the_highest_force_it_opens_further():
+def test_the_gripper_opens_further_above_the_highest_force():
     limits = TouchLimits(highest_force=6.0)
     spring = Spring(give=lambda now: -0.0005 * now)
     control = holding(limits)
@@ -127,7 +127,7 @@ def test_beyond_the_highest_force_it_opens_further():
     assert max(spring.forces) < 6.0 + control.deadband
 
 
-def test_without_a_measured_opening_it_never_opens():
+def test_the_hold_never_opens_the_gripper_without_a_measured_opening():
     spring = Spring(give=lambda now: -0.0005 * now)
     spring.hold(10.0, holding(TouchLimits(highest_force=6.0)), knows_opening=False)
     assert not spring.corrections
@@ -157,7 +157,7 @@ def test_no_correction_causes_another(stiffness, step, noise, offset):
     assert abs(spring.forces[-1] - FORCE) <= control.deadband + noise
 
 
-def test_where_the_step_is_larger_than_declared_its_travel_ends_it():
+def test_a_step_larger_than_declared_uses_up_the_travel():
     spring = Spring(step=2e-3, give=lambda now: 0.0012)
     control = holding(TouchLimits(highest_force=5.0), hold_travel=0.02)
     assert spring.hold(60.0, control) is Outcome.HOLD_ENDED
@@ -179,7 +179,7 @@ def look(control, now, touch, opening=0.04):
     ({'pads': (PadForce(2.0, is_hidden=True), PadForce(2.0))}, Outcome.FORCE_NOT_KNOWN),
     ({'pads': (PadForce(), PadForce(2.0))}, Outcome.FORCE_NOT_KNOWN)], ids=str)
 @pytest.mark.parametrize('is_under_way', [False, True])
-def test_by_what_is_not_trusted_it_rests_and_after_a_time_it_ends(fault, end, is_under_way):
+def test_the_gripper_rests_on_untrusted_readings_and_the_hold_ends_after_a_time(fault, end, is_under_way):
     control = holding()
     if is_under_way:
         assert look(control, 0.98, SEEN._replace(acquired=0.98)) is None and control.speed > 0
@@ -215,7 +215,7 @@ def test_the_same_touch_when_it_is_trusted_is_followed():
     ((PadForce(1.5, is_bound=True), PadForce(1.5)), LIMITS.slow_speed),
     ((PadForce(4.9), PadForce(1.0)), 0.0),  # The stronger pad sets the limit.
     ((PadForce(9.0), PadForce(4.9)), 0.0)])  # A load pushes the object against one pad.
-def test_it_closes_by_what_may_be_most_and_opens_by_what_is_at_least(pads, speed):
+def test_the_gripper_closes_by_the_highest_possible_and_opens_by_the_lowest_force(pads, speed):
     control = holding(opening=0.05)
     look(control, 0.5, SEEN._replace(acquired=0.5, pads=pads))
     assert control.speed == speed
@@ -235,7 +235,7 @@ def test_a_gripper_that_moves_still_is_waited_for_and_what_was_seen_before_it_st
 @pytest.mark.parametrize(('contact', 'pads', 'end'), [
     (GraspContact.NO_CONTACT, (PadForce(0.0), PadForce(0.0)), Outcome.LOST),
     (GraspContact.ONE_SIDED, (PadForce(2.0), PadForce(0.0)), Outcome.ONE_SIDED)])
-def test_what_is_not_held_by_both_pads_is_not_followed_and_ends_it(contact, pads, end):
+def test_an_object_that_only_one_pad_holds_is_not_followed_and_ends_the_hold(contact, pads, end):
     control = holding()
     look(control, 0.5, SEEN._replace(acquired=0.5))
     assert control.speed > 0
@@ -245,7 +245,7 @@ def test_what_is_not_held_by_both_pads_is_not_followed_and_ends_it(contact, pads
     assert look(control, 0.61, gone._replace(acquired=0.61)) is end
 
 
-def test_its_travel_ends_it_also_where_the_opening_does_not_change():
+def test_the_travel_ends_the_hold_even_if_the_opening_does_not_change():
     """A gripper may press without moving, or relax each time it is stopped.
 
     Without a limit on its travel, this gripper would press for ever.
@@ -263,7 +263,7 @@ def test_its_travel_ends_it_also_where_the_opening_does_not_change():
     assert look(fast, 0.12, SEEN._replace(acquired=0.12), 0.034) is Outcome.HOLD_ENDED
 
 
-def test_to_sliding_it_answers_with_a_step_now_and_then_up_to_the_highest_force():
+def test_the_force_rises_in_steps_during_a_slide_up_to_the_highest_force():
     limits = TouchLimits(highest_force=6.5)
     spring, steps = Spring(), []
 
@@ -288,7 +288,7 @@ def test_without_the_parameter_sliding_changes_nothing():
 
 
 @pytest.mark.parametrize(('frequency', 'is_answered'), [(6.0, False), (2.0, False), (0.5, True)])
-def test_to_an_object_that_sways_on_a_shaken_hand_it_does_not_answer(frequency, is_answered):
+def test_the_force_does_not_react_to_an_object_that_sways_on_a_shaken_hand(frequency, is_answered):
     """The object moves back and forth along both pads. Only a movement in one direction for 1 s counts as a slide."""
     def swaying(touch, now):
         turn = math.pi * (math.sin(2 * math.pi * frequency * now) < 0)
@@ -318,7 +318,7 @@ def test_a_slide_that_one_pad_shows_after_the_other_goes_on():
         slides=pads[min(2, int((now - 1.0) / 0.3))] if 1.0 <= now < 1.9 else (math.nan, math.nan))) > FORCE
 
 
-def test_time_that_was_not_seen_is_no_slide():
+def test_unseen_time_does_not_count_as_a_slide():
     def blind_in_between(touch, now):
         slides = (1.0, math.nan) if 1.0 <= now < 1.05 or 1.55 <= now < 1.6 else (math.nan, math.nan)
         return touch._replace(slides=slides, fresh=not 1.05 <= now < 1.55)
@@ -327,6 +327,6 @@ def test_time_that_was_not_seen_is_no_slide():
 
 @pytest.mark.parametrize('wrong', [{'gripper_step': 0.0}, {'hold_travel': math.nan}, {'slide_force_step': -1.0},
                                    {'gripper_step': math.inf}], ids=str)
-def test_limits_that_are_none_are_refused(wrong):
+def test_impossible_limits_are_refused(wrong):
     with pytest.raises(ConfigurationError, match='holding'):
         HoldLimits(**wrong)

@@ -165,7 +165,7 @@ def test_services_actions_and_reports_reach_the_other_host(world):
 
 
 @first_way
-def test_a_driver_of_the_same_name_on_another_host_is_not_believed(world):
+def test_a_driver_of_the_same_name_on_another_host_is_not_used(world):
     """A second driver may belong to another robot in the same domain.
 
     The second driver's pads are empty, while our pads hold an object.

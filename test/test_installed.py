@@ -77,7 +77,7 @@ def run(installed: Path, *arguments: str) -> str:
     return done.stdout
 
 
-def test_it_holds_what_runs_and_nothing_that_only_tests_or_training_need(wheel):
+def test_the_wheel_contains_the_package_and_nothing_that_only_tests_or_training_need(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split('/')[0] for name in names}
     assert tops == {'tactile_node', f'tactile_skin-{tactile_node.__version__}.dist-info'}
@@ -94,7 +94,7 @@ def test_a_wheel_of_the_source_distribution_is_the_same(wheel, sdist, tmp_path):
     assert ours == theirs and wheel.name == again.name
 
 
-def test_it_knows_its_version(installed):
+def test_an_installed_wheel_knows_its_version(installed):
     out = run(installed, '-c', 'import tactile_node; print(tactile_node.__version__, tactile_node.__file__)')
     assert out.split() == [tactile_node.__version__, str(installed / 'tactile_node' / '__init__.py')]
     assert run(installed, '-m', 'tactile_node.cli.main', '--version').split()[-1] == tactile_node.__version__
@@ -102,12 +102,12 @@ def test_it_knows_its_version(installed):
 
 @pytest.mark.parametrize('name', ['config/recogniser.npz', 'config/sim16x16.yaml', 'msg/Grasp.msg',
                                   'srv/CheckGrasp.srv', 'action/WaitForGrasp.action'])
-def test_it_finds_its_files(installed, name):
+def test_an_installed_wheel_finds_its_files(installed, name):
     program = f'from tactile_node.package_files import package_file; print(package_file({name!r}))'
     assert run(installed, '-c', program).strip() == str(installed / 'tactile_node' / name)
 
 
-def test_it_recognises(installed, tmp_path):
+def test_an_installed_wheel_recognises_a_contact(installed, tmp_path):
     frame = np.zeros((16, 16))
     frame[4:11, 5:12] = 1e5
     np.save(tmp_path / 'frame.npy', frame)

@@ -55,7 +55,7 @@ def test_every_argument_is_an_option_of_the_command_but_what_the_launch_alone_do
 
 
 @pytest.mark.parametrize('name', sorted(ARGUMENTS.keys() - OTHERS))
-def test_what_sets_a_parameter_has_the_description_and_the_default_of_its_table(name):
+def test_an_argument_has_the_description_and_the_default_of_its_parameter(name):
     row = next(row for settings in NODES for row in table(settings) if row.name == RENAMED.get(name, name))
     option = options_of_the_command()[f'--{name.replace("_", "-")}']
     argument = next(each.named for each in declared(FILE)[0] if each.given[0] == name)
@@ -101,7 +101,7 @@ def test_an_argument_that_the_file_does_not_declare_is_refused(file, word, remed
 
 
 @pytest.mark.parametrize('file', [['my_robot', 'bringup.launch.py'], ['robot.launch.py']], ids=['its name', 'another'])
-def test_of_a_file_that_includes_it_only_a_misspelt_argument_is_warned_of(file, monkeypatch):
+def test_an_including_file_gets_warnings_only_about_misspelt_arguments(file, monkeypatch):
     """Launch passes on further arguments: those of the including file, and values that launch_ros stores."""
     names = ['robot:=ur5', 'ros_namespace:=/left', 'global_params:=x']
     assert len(called(monkeypatch, *file, *names)) == 1
@@ -196,7 +196,7 @@ def test_the_gripper_node_is_a_second_process_in_the_same_namespace(namespace, t
 @pytest.mark.parametrize(('given', 'respawns', 'ends'), [
     ({}, False, False), ({'on_exit': 'keep'}, False, False), ({'on_exit': 'respawn'}, True, False),
     ({'on_exit': 'shutdown'}, False, True)])
-def test_what_happens_when_the_process_ends(given, respawns, ends):
+def test_the_argument_on_exit_decides_the_reaction_to_the_end_of_the_process(given, respawns, ends):
     process = process_of(FILE, **GRIPPER, **given)
     assert process['respawn'] is respawns and (process['on_exit'] is not None) is ends
 

@@ -116,14 +116,14 @@ def test_an_unusual_pitch_can_be_meant(tmp_path):
     assert tiny_layout(tmp_path, TINY.replace('0.003', '0.04') + 'unusual_pitch: true\n').pitch == 0.04
 
 
-def test_sides_at_which_the_finger_ends_are_none_unless_the_layout_names_them(tmp_path):
+def test_the_finger_ends_at_no_side_unless_the_layout_names_it(tmp_path):
     assert tiny_layout(tmp_path, TINY).finger_ends == NO_SIDE
     named = tiny_layout(tmp_path, TINY + 'finger_ends: [first_row, last_col]\n')
     assert named.finger_ends == SkinSide.FIRST_ROW | SkinSide.LAST_COL
 
 
 @pytest.mark.parametrize('name', ['nowhere.yaml', 'binary.yaml'])
-def test_what_is_no_text_file_is_refused_by_name(tmp_path, name):
+def test_a_file_that_is_not_text_is_refused_by_name(tmp_path, name):
     (tmp_path / 'binary.yaml').write_bytes(b'\x80\xff\x00\x01')
     with pytest.raises(ConfigurationError, match=name):
         load_layout(tmp_path / name if name == 'binary.yaml' else name)

@@ -118,7 +118,7 @@ RESTING = {'beyond it': box(9, 9, 4, 4), 'twice what was left': box(6, 6, 5, 5),
 
 
 @pytest.mark.parametrize('resting', RESTING.values(), ids=RESTING)
-def test_a_light_object_that_rests_where_one_was_let_go_is_a_contact(resting):
+def test_a_light_object_at_the_place_of_a_released_one_is_a_contact(resting):
     """A planner that sees no contact would drop the object."""
     extractor, clump = PatternExtractor(), box(6, 6, 3, 3)
     for mask in [disc(5.2)] * 20 + [clump] * 10 + [clump | resting] * 50:
@@ -127,7 +127,7 @@ def test_a_light_object_that_rests_where_one_was_let_go_is_a_contact(resting):
 
 
 @pytest.mark.parametrize('seen', [1, 2])
-def test_a_contact_of_which_most_rows_are_lost_is_not_left_over(seen):
+def test_a_contact_with_most_of_its_rows_lost_is_not_left_over(seen):
     extractor, held = PatternExtractor(unit='Pa'), box(3, 3, 8, 8)
     values = 40e3 * held + 500 * np.random.default_rng(6).standard_normal(held.shape)
     for number in range(40):
@@ -146,7 +146,7 @@ def test_a_taxel_begins_again_after_it_was_off_for_long_enough():
         assert found.update(specks).any() == is_left
 
 
-def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
+def test_single_arrays_and_patterns_of_all_pressed_taxels_have_no_left_over_taxels():
     assert not PatternExtractor().extract(np.eye(8)).hidden.any()
     extractor, specks = PatternExtractor(largest=False), np.isin(16 * ROWS + COLS, [34, 52, 66])
     for mask in (disc(3, 3, 3), specks):
@@ -157,7 +157,7 @@ def test_of_single_arrays_and_of_all_pressed_taxels_nothing_is_left_over():
 
 @pytest.mark.ros
 @pytest.mark.parametrize('specks', [[34], [34, 52, 66], list(range(34, 44))])
-def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
+def test_left_over_taxels_arrive_in_a_message_that_is_accepted(specks):
     """The message gives the reason NOT_SEEN, and never EMPTY.
 
     Left-over taxels are marked FAULTY and have no value. Each taxel in the message keeps its noise.
@@ -197,7 +197,7 @@ def test_what_is_left_over_arrives_in_a_message_that_is_accepted(specks):
     assert 300 < np.median(arrived.noise) < 700
 
 
-def test_a_changed_threshold_keeps_what_is_left_over_and_takes_no_contact_in_progress_for_it():
+def test_a_changed_threshold_keeps_left_over_taxels_and_hides_no_current_contact():
     specks = disc(4) & ((3 * ROWS + 7 * COLS) % 9 == 0)
     frames = 20e3 * disc(4), 20e3 * disc(4) + 30e3 * disc(1.5), 50e3 * specks
     whole, hill, rest = frames

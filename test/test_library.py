@@ -114,7 +114,7 @@ def test_a_pad_that_is_not_seen_is_not_taken_for_an_empty_one():
     assert not tn.find_contact(masked).pad_seen
 
 
-def test_a_stream_reports_a_frame_that_is_not_seen_and_goes_on_with_what_it_knew():
+def test_a_stream_reports_an_unseen_frame_and_keeps_its_knowledge():
     stream, unseen = tn.ContactStream(pitch=0.004), np.full(SQUARE.shape, np.nan)
     before = [stream.update(SQUARE, 0.02 * k) for k in range(20)][-1]
     hidden = [stream.update(unseen, 0.4 + 0.02 * k) for k in range(5)][-1]

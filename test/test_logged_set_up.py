@@ -1,4 +1,4 @@
-"""A log is never played if its set-up shows another device, or TPDOs that differ from the layout.
+"""A log is never played if its setup shows another device, or TPDOs that differ from the layout.
 
 The SDO frames are hand-written according to CiA 301 (7.2.4.3). The pad of 3 taxels maps the sub-indices 1, 2 and 3 of
 object 0x2000 with 16 bits each.
@@ -70,7 +70,7 @@ def outcome(tmp_path, *lines, **options):
     # These frames belong to another node.
     tuple(line.replace('601#', '602#').replace('581#', '582#') for line in mapped(2, 0x20000310)),
     (*mapped(9, 0x20000310), *upload(0x1808, 1, 0x80000281))])  # The device has no TPDO with this number.
-def test_a_set_up_that_fits_or_is_not_known_is_played(tmp_path, set_up):
+def test_a_matching_or_unknown_setup_is_played(tmp_path, set_up):
     assert outcome(tmp_path, *set_up, *SWEEP) == ([0], '')
 
 
@@ -121,7 +121,7 @@ def test_a_log_of_another_skin_is_refused_by_its_identity(tmp_path, caplog, caps
     assert main(['replay', log]) == 0
 
 
-def test_of_several_nodes_each_is_judged_by_its_own_part_of_the_layout(tmp_path):
+def test_each_of_several_nodes_is_checked_against_its_own_part_of_the_layout(tmp_path):
     text = 'nodes: 2\n' + TINY.replace('{number: 3, ', '{node: 1, number: 1, ')
     pad = PadSettings('pad', (1, 2), tiny_layout(tmp_path, text))
     second = mapped(1, 0x20000310, by=partial(upload, node=2))
@@ -132,7 +132,7 @@ def test_of_several_nodes_each_is_judged_by_its_own_part_of_the_layout(tmp_path)
 
 @pytest.mark.parametrize(('own', 'strangers'), [
     ('#05', {}), ('#0500', {}), ('#', {'pad': [17]}), ('#R', {'pad': [17]})])
-def test_a_request_to_a_node_is_not_heard_as_the_node(tmp_path, own, strangers):
+def test_a_request_to_a_node_does_not_count_as_a_message_from_the_node(tmp_path, own, strangers):
     """A master guards node 1, but the bus has only node 17.
 
     One of the node's TPDOs has a COB-ID that belongs to the pad.

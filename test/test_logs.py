@@ -154,7 +154,7 @@ def test_missing_log(tmp_path):
 
 
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.mcap'])
-def test_what_is_written_can_be_read(tmp_path, suffix):
+def test_a_written_log_can_be_read(tmp_path, suffix):
     path = tmp_path / f'x{suffix}'
     writer = CanLogWriter(path)
     sent = [(0x181, b'\x0A\x0B', 1.7e9), (0x080, b'', 1.7e9 + 0.5), (0x7FF, bytes(range(8)), 1.7e9 + 1)]
@@ -167,7 +167,7 @@ def test_what_is_written_can_be_read(tmp_path, suffix):
 
 
 @pytest.mark.parametrize('suffix', ['.asc', '.asc.gz', '.blf', '.csv', '.trc', '.db'])
-def test_a_format_that_is_not_written_is_made_by_the_command_of_the_refusal_and_read(tmp_path, monkeypatch, suffix):
+def test_the_command_in_the_refusal_converts_to_a_format_that_cannot_be_written(tmp_path, monkeypatch, suffix):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(LogError) as refused:
         CanLogWriter(f'x{suffix}')
@@ -184,7 +184,7 @@ def test_a_format_that_is_not_written_is_made_by_the_command_of_the_refusal_and_
 
 
 @pytest.mark.parametrize(('suffix', 'kept'), [('.mcap', 3), ('.log', 4)])
-def test_what_a_format_cannot_hold_is_counted(tmp_path, suffix, kept):
+def test_messages_that_a_format_cannot_hold_are_counted(tmp_path, suffix, kept):
     path = tmp_path / f'x{suffix}'
     writer = CanLogWriter(path)
     for kind in ({'is_remote_frame': True}, {'is_error_frame': True}, {'is_fd': True}, {}):
@@ -297,7 +297,7 @@ def test_a_frame_sent_without_the_name_of_its_bus_belongs_to_the_log_s_first(tmp
 
 
 @pytest.mark.parametrize(('channel', 'name'), [('can0', 'can0'), ('/dev/serial/by-id/my adapter', 'my_adapter')])
-def test_what_has_no_name_of_its_bus_is_recorded_with_it(tmp_path, channel, name):
+def test_messages_without_a_bus_name_are_recorded_with_the_name_of_the_bus(tmp_path, channel, name):
     writer = CanLogWriter(tmp_path / 'x.log', channel)
     writer.write(can.Message(1.0, 0x080, False, is_rx=False))
     writer.write(can.Message(1.1, 0x181, False, data=b'A', channel='can7'))
@@ -335,7 +335,7 @@ def test_consumer_that_fails_is_counted(tmp_path, caplog):
     assert source.statistics().consumer_errors == 1 and 'division by zero' in caplog.text
 
 
-def test_a_replay_that_dies_says_so_and_has_finished(tmp_path, caplog):
+def test_a_failed_replay_reports_the_failure_and_counts_as_finished(tmp_path, caplog):
     source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path), lambda *_: None, pace=None)
     source._router.end = lambda: 1 / 0
     source.open()
@@ -364,7 +364,7 @@ def two_skins(tmp_path, heartbeat):
 
 @pytest.mark.parametrize(('node_id', 'got', 'remedy'), [
     (1, '3 TPDOs', '"map"'), (2, 'no TPDO', '--node-id')])
-def test_a_pad_without_taxels_is_told_from_one_that_is_not_in_the_log(tmp_path, node_id, got, remedy, capsys):
+def test_a_pad_without_taxels_is_distinguished_from_a_pad_missing_in_the_log(tmp_path, node_id, got, remedy, capsys):
     short = [row[:-2] for row in ROWS]
     tiny_layout(tmp_path)
     log, words = str(tiny_log(tmp_path, SYNC, *short)), ['--layout', str(tmp_path / 'layout.yaml'), '--node-id']
@@ -402,7 +402,7 @@ def test_candumps_text_is_read_under_any_name(tmp_path, name, is_gzip):
 
 @pytest.mark.parametrize('line', ['  can0  181   [2]  0A 0B', ' (1.000000)  can0  181   [2]  0A 0B',
                                   ' (2026-11-22 10:00:00.000000)  can0  181   [2]  0A 0B'])
-def test_what_candump_shows_on_a_terminal_is_refused_with_the_remedy(tmp_path, line):
+def test_the_terminal_output_of_candump_is_refused_with_the_remedy(tmp_path, line):
     (tmp_path / 'x.log').write_text(3 * (line + '\n'))
     with pytest.raises(LogError, match='candump -L'):
         list(CanLogReader(tmp_path / 'x.log'))

@@ -149,7 +149,7 @@ def test_damage_costs_the_taxel_frames_of_its_chunk_alone(tmp_path, compression)
 
 
 @pytest.mark.parametrize('share', [0.3, 0.62, 0.95])
-def test_of_a_recording_without_its_end_the_chunks_before_are_read(tmp_path, share):
+def test_the_chunks_before_a_missing_end_are_read(tmp_path, share):
     path = can_log(tmp_path / 'x.mcap')
     data, at = path.read_bytes(), chunks(path.read_bytes())
     cut = int(share * at[-1].end)
@@ -174,7 +174,7 @@ def test_damage_to_a_killed_recording_costs_its_chunk_alone(tmp_path, name):
     assert reader.damages[-1].kind is DamageKind.CUT_SHORT and len(reader.damages) > bool(lost)
 
 
-def test_of_a_killed_recording_of_others_a_part_is_read(tmp_path):
+def test_a_part_of_another_recorders_killed_recording_is_read(tmp_path):
     """Only the first chunk, which lies before the requested part, contains the types of the recording."""
     path = topic_bag(tmp_path / 'x.mcap')
     path.write_bytes(path.read_bytes()[:chunks(path.read_bytes())[-1].end])
@@ -236,7 +236,7 @@ def test_a_new_recording_never_continues_into_files_of_an_older_one(tmp_path):
 @pytest.mark.parametrize('window', [TimeWindow(), TimeWindow(0.13), TimeWindow(0.13, 0.1), TimeWindow(0.25, 0.3),
                                     TimeWindow(0.45, 9.0)])
 @pytest.mark.parametrize('suffix', ['.mcap', '.log'])
-def test_a_window_is_what_the_whole_has_in_it(tmp_path, suffix, window):
+def test_a_window_contains_the_same_frames_as_the_whole_recording(tmp_path, suffix, window):
     first, *_ = series(tmp_path, suffix)
     expected = [n for n in range(FRAMES) if window.start <= n / 1000 < window.start + window.duration]
     found = [int.from_bytes(message.data[:4], 'little') for message in CanLogReader(first, window=window)]
@@ -244,7 +244,7 @@ def test_a_window_is_what_the_whole_has_in_it(tmp_path, suffix, window):
 
 
 @pytest.mark.parametrize('is_ended', [True, False])
-def test_what_lies_before_a_window_is_not_read(tmp_path, is_ended):
+def test_chunks_before_a_window_are_not_read(tmp_path, is_ended):
     """All chunks before the window are overwritten with zeros, except the first, which contains the beginning."""
     path = can_log(tmp_path / 'x.mcap')
     data, at = path.read_bytes(), chunks(path.read_bytes())

@@ -317,7 +317,7 @@ def test_an_empty_pad_and_a_pad_without_valid_taxels_are_accepted():
 
 
 @pytest.mark.parametrize(('method', 'fuse'), [('learned', True), ('volf', False)])
-def test_whatever_our_own_nodes_make_is_accepted(chain, method, fuse):
+def test_every_message_of_our_own_nodes_is_accepted(chain, method, fuse):
     """The test draws random contacts with noise, in which few, half or all taxels are invalid."""
     node = chain.add(ClassifierNode(namespace='/left', parameter_overrides=[
         Parameter('method', value=method), Parameter('fuse', value=fuse)]))
@@ -435,7 +435,7 @@ def test_no_taxel_array_stops_a_processor_and_the_other_pad_continues(chain):
     assert chain.dropped('/left/processor', len(cases)) == expected
 
 
-def test_no_contact_stops_a_classifier_nor_enters_its_fusion(chain):
+def test_no_malformed_contact_stops_a_classifier_or_enters_its_fusion(chain):
     chain.add(ClassifierNode(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
@@ -460,7 +460,7 @@ def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
     assert check_contact_shape(shapes[-1]) is None and np.isfinite(shapes[-1].probabilities).all()
 
 
-def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain):
+def test_no_malformed_shape_stops_a_grasp_or_breaks_its_hold(chain):
     """The node runs as in a lossless replay, because the stamps of the shapes do not follow real time."""
     chain.add(GraspNode(parameter_overrides=[Parameter('lossless', value=True)]))
     grasps = chain.listen(Grasp, '/grasp')
@@ -691,7 +691,7 @@ def test_health_names_the_topic_that_is_silent_and_counts_all():
 
 
 @pytest.mark.parametrize('probabilities', [{Shape.CIRCLE: NAN}, {Shape.CIRCLE: INF, Shape.NONE: 0.0}])
-def test_fusion_refuses_what_is_not_finite_and_keeps_its_state(probabilities):
+def test_fusion_refuses_values_that_are_not_finite_and_keeps_its_state(probabilities):
     fusion = RecognitionFusion()
     fusion.update(0.0, Recognition.certain(Shape.CIRCLE))
     with pytest.raises(InputError):
@@ -703,7 +703,7 @@ def test_fusion_refuses_what_is_not_finite_and_keeps_its_state(probabilities):
     assert np.isfinite(list(after.recognition.probabilities.values())).all()
 
 
-def test_the_tracker_refuses_what_is_not_finite_and_keeps_its_state():
+def test_the_tracker_refuses_values_that_are_not_finite_and_keeps_its_state():
     tracker = GraspTracker()
     for side in ('left', 'right'):
         tracker.update(side, SideResult(0.0, SideState.TOUCHED, 'circle', (0.01, 0.01)), now=0.0)

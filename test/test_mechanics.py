@@ -86,7 +86,7 @@ def test_a_ball_follows_hertz():
 
 @pytest.mark.parametrize('name', INDENTERS)
 @pytest.mark.parametrize('tilt', [(0.0, 0.0), (0.5, -0.4)])
-def test_where_pressure_is_there_is_no_gap(name, tilt):
+def test_there_is_no_gap_under_pressure(name, tilt):
     """The solution must satisfy the complementarity conditions p >= 0, gap >= 0 and p gap = 0.
 
     The test recomputes the gap from the pressure.

@@ -60,7 +60,7 @@ def stages(**options):
 
 
 @pytest.mark.parametrize('offset', [0.0, -1e6, 3600.0])
-def test_the_age_is_the_sum_of_all_stages_whatever_the_clocks(offset):
+def test_the_age_is_the_sum_over_all_stages_with_any_clocks(offset):
     results = chain(stages(), [PERIOD * i for i in range(200)], offset=offset)
     for now, true, age in results:
         assert age == math.inf if now < 1.5 else age == pytest.approx(true - 3 * PATH, abs=1e-3)

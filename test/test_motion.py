@@ -40,7 +40,7 @@ SLIDES = [(way, speed, kind) for i, way in enumerate(PROMISED) for j, speed in e
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('way', 'speed', 'kind'), SLIDES)
-def test_a_slide_is_reported_within_what_is_promised_and_a_frame(recogniser, way, speed, kind):
+def test_a_slide_is_reported_within_the_promised_distance_plus_one_frame(recogniser, way, speed, kind):
     rng = generator(Purpose.TEST, SEED)
     path, seconds = slide(rng, speed, PROMISED[way] + (0.7 if LONG or speed > 1 else 0.3))
     frames = Scene(rng, kind, way, dead=0.0).follow(recogniser, path, seconds)
@@ -173,7 +173,7 @@ def test_made_and_lost_are_between_frames_that_are_seen():
     assert kinds_of(motions([pressed()] * 20 + [None] * 40 + [EMPTY] * 3)) == []
 
 
-def test_what_is_not_seen_is_not_known():
+def test_the_motion_of_an_unseen_contact_is_not_known():
     found = motions([pressed()] * 20 + [HIDDEN] * 2)
     assert found[19].moving is Moving.STILL and found[20].moving is found[21].moving is Moving.NOT_KNOWN
     assert found[21].observable is Observable.NOTHING
@@ -191,7 +191,7 @@ def test_force_by_steps():
 
 
 @pytest.mark.slow
-def test_another_contact_and_lost_taxels_are_no_movement():
+def test_another_contact_and_lost_taxels_do_not_count_as_movement():
     # The second contact overlaps the first and is taken for the same contact.
     assert kinds_of(motions([pressed()] * 40 + [pressed(np.s_[6:12, 12:18])] * 40)) == ['SLIDING']
     # The second contact does not overlap the first and is taken for a different contact.
@@ -205,7 +205,7 @@ def observable(where):
     return motions([pressed(where)] * 5)[-1].observable
 
 
-def test_what_cannot_be_seen_is_said():
+def test_movements_that_cannot_be_seen_are_not_marked_as_observable():
     both = Observable.ALONG_X | Observable.ALONG_Y
     assert observable(WHOLE) & both == both
     assert observable(np.s_[7:11, :]) & both == Observable.ALONG_Y  # A bar crosses the pad.

@@ -37,7 +37,7 @@ def test_the_messages_have_our_codes(message, codes):
     assert all(getattr(message, code.name) == code for code in codes)
 
 
-def test_what_an_event_was_seen_by_has_its_code():
+def test_each_measurement_that_shows_an_event_has_its_code():
     assert ContactEvent.SEEN_BY_NOT_KNOWN == SeenBy.NOT_KNOWN
     assert all(getattr(ContactEvent, code.name) == code for code in SeenBy if code)
 
@@ -63,7 +63,7 @@ class Held:
         return message
 
 
-def test_what_slides_is_not_stable_from_the_first_message_on():
+def test_a_sliding_grasp_is_unstable_from_the_first_message_on():
     held = Held()
     assert held.grasp(3.0).stable
     message = held.grasp(PERIOD, SLIDING)
@@ -71,7 +71,7 @@ def test_what_slides_is_not_stable_from_the_first_message_on():
     assert message.motions[0].speed == pytest.approx(0.01) and message.motions[1].moving == ContactMotion.STILL
 
 
-def test_a_latched_event_is_told_from_a_present_one():
+def test_a_latched_event_is_distinguished_from_a_present_one():
     motion = Held().grasp(1.0).motions[0]
     assert motion.moving == ContactMotion.STILL and motion.last_event == ContactEvent.SLIDING
     assert age_seconds(motion.last_event_age) == pytest.approx(2.0 + AGE, abs=1e-6) and math.isnan(motion.speed)
@@ -99,7 +99,7 @@ def test_events_are_published_once_by_the_classifier(ros):
     assert sent[3].shape.motion.last_event == ContactEvent.MADE and sent[5].shape.motion.moving == 0
 
 
-def test_a_view_says_what_moves():
+def test_a_view_states_the_motion():
     assert moving_words(Moving.SLIDING | Moving.TURNING, 0.002, 0.5, EventKind.LIGHTER, 0.2) == \
         'sliding 2.0 mm/s, turning 29 deg/s, event: lighter 0.2 s ago'
     assert moving_words(Moving.STILL, math.nan, math.nan, EventKind.SLIDING, 60.0) == ''

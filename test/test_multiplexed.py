@@ -114,6 +114,6 @@ BAD = {
 
 
 @pytest.mark.parametrize(('text', 'says'), BAD.values(), ids=BAD)
-def test_bad_layouts(tmp_path, text, says):
+def test_bad_layouts_are_refused(tmp_path, text, says):
     with pytest.raises(ConfigurationError, match=re.escape(says)):
         tiny_layout(tmp_path, text)

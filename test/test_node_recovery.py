@@ -65,7 +65,7 @@ def test_a_device_that_is_zeroed_in_part_or_does_not_answer_is_distinguished(ans
             bench.driver.auto_zero('pad32')
 
 
-def test_of_a_pads_nodes_the_first_may_be_zeroed_when_the_second_refuses(monkeypatch):
+def test_the_first_node_of_a_pad_may_be_zeroed_when_the_second_refuses(monkeypatch):
     zeroed = []
 
     def second_refuses(_sdo, _dictionary, label):

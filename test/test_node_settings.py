@@ -96,7 +96,7 @@ def test_the_example_file_names_parameters_that_exist_with_values_of_their_type(
 @pytest.mark.parametrize(('name', 'inputs', 'output'), [
     ('processor', ['taxels'], 'contact'), ('classifier', ['contact'], 'shape'),
     ('grasp', ['left/shape', 'right/shape'], 'grasp')])
-def test_best_effort_is_of_what_a_node_receives_and_never_of_a_lossless_replay(
+def test_best_effort_applies_to_subscriptions_but_never_to_a_lossless_replay(
         name, inputs, output, given, reliability):
     parameters = [Parameter(key, value=value) for key, value in given.items()]
     # Each case has its own namespace, because ROS may still remember the node of the previous case.

@@ -125,7 +125,7 @@ def facts(message):
     return {name: str(getattr(message, name)) for name in message.get_fields_and_field_types() if name != 'age'}
 
 
-def test_both_ways_give_the_same_results():
+def test_function_calls_and_messages_give_the_same_results():
     """One chain of nodes receives the frames through function calls, and a second chain receives them as messages.
 
     Both chains must report bitwise equal shapes.
@@ -182,7 +182,7 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
             assert list(side.box_lengths) == pytest.approx([7 * 0.004, 7 * 0.004], abs=0.004)
 
 
-def test_an_exception_of_a_stage_is_counted_and_the_others_go_on(monkeypatch):
+def test_an_exception_of_a_stage_is_counted_and_the_other_stages_continue(monkeypatch):
     with Process() as process:
         failing, good = process.input('/left/classifier'), process.input('/right/classifier')
 
@@ -222,7 +222,7 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
         assert stage.counts == (3, 2, {}, 0, 1), 'a frame that was left out on purpose is not missing'
 
 
-def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
+def test_a_stage_takes_the_newest_waiting_message_and_counts_the_others():
     """If a slow stage took the oldest message first, the stage would lag by the whole queue for ever."""
     node, peer = ProcessorNode(namespace='/left'), rclpy.create_node('peer')
     publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
@@ -239,7 +239,7 @@ def test_of_messages_that_wait_a_stage_takes_the_newest_and_counts_the_others():
         each.destroy_node()
 
 
-def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
+def test_the_older_contact_of_two_waiting_pads_is_processed_first():
     """If the newer contact came first, the next contact of the other pad would be processed in between.
 
     No grasp would then have both pads of one SYNC.
@@ -256,7 +256,7 @@ def test_of_two_pads_that_wait_the_older_contact_is_answered_first():
     assert answered == [('right', 1), ('left', 2)]
 
 
-def test_what_only_viewers_read_is_made_after_the_shapes_of_both_pads():
+def test_messages_for_viewers_follow_the_shapes_of_both_pads():
     """Computing images and features takes as long as computing a shape, and a planner waits for the shape."""
     made = []
     with Process() as process:
@@ -271,7 +271,7 @@ def test_what_only_viewers_read_is_made_after_the_shapes_of_both_pads():
     assert made == ['shape of left', 'shape of right', 'images of left', 'images of right']
 
 
-def test_a_stage_postpones_only_what_something_subscribes_to(monkeypatch):
+def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
     """Without subscribers, 50 frames per second would each create a task and a closure that nobody needs."""
     postponed = []
     monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish: postponed.append(stage.topic))
@@ -294,7 +294,7 @@ def test_images_that_cannot_be_made_are_counted_and_cost_no_shape():
         until(lambda: process.input('/left/processor').counts.dropped[RejectReason.PROCESSING_FAILED] > 5)
 
 
-def test_an_outsider_in_the_middle_of_the_chain_is_not_used_and_nor_is_our_own(monkeypatch):
+def test_neither_a_foreign_node_in_the_middle_of_the_chain_nor_our_own_is_used(monkeypatch):
     with Process() as process:
         stage = process.input('/left/classifier')
         until(lambda: (process.send(), time.sleep(PERIOD), stage.counts.processed > 5)[-1])

@@ -113,13 +113,13 @@ def test_a_chain_is_as_old_as_its_oldest_moving_transform():
     assert tree.find('hand', 'flange').measured == inf
 
 
-def test_frames_that_nothing_joins_are_nowhere():
+def test_unconnected_frames_have_no_pose():
     tree = gripper()
     assert tree.find('left', 'tool') is None and tree.find('tool', 'left') is None
     assert FrameTree().find('left', 'right') is None
 
 
-def test_frames_in_a_circle_are_nowhere():
+def test_frames_that_form_a_loop_have_no_pose():
     tree = gripper()
     for frame, parent in (('a', 'b'), ('b', 'c'), ('c', 'a'), ('d', 'a')):
         tree.set(frame, parent, at(1, 0, 0), 1.0)

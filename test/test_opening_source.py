@@ -158,7 +158,7 @@ def test_the_diagnostic_has_the_reason(opening, words):
     assert status.level == DiagnosticStatus.STALE and words in status.message
 
 
-def test_two_controllers_that_disagree_about_the_time_are_no_opening(gripper):
+def test_two_controllers_with_contradictory_stamps_give_no_opening(gripper):
     """The joint states of the two controllers alternate.
 
     The stamps of the two controllers disagree, so their joint states give no present opening.
@@ -201,7 +201,7 @@ def test_the_clock_of_the_controller_need_not_be_ours(gripper, clock):
 
 
 @pytest.mark.parametrize('step', [-3600.0, 3600.0])
-def test_a_jump_of_the_clock_never_leaves_an_old_opening_and_is_over(gripper, step):
+def test_a_jump_of_the_clock_never_keeps_an_old_opening_and_has_a_limited_effect(gripper, step):
     gripper.make(**KNUCKLE)
     sender = Sender(gripper, 1.7e9)
     sender.send_until_known(0.2)
@@ -213,7 +213,7 @@ def test_a_jump_of_the_clock_never_leaves_an_old_opening_and_is_over(gripper, st
     assert isnan(gripper.current().gap)
 
 
-def test_joint_states_that_were_held_back_are_no_opening(gripper):
+def test_joint_states_that_were_held_back_give_no_opening(gripper):
     gripper.make(**KNUCKLE)
     sender = Sender(gripper, 1.7e9)
     sender.send_until_known()
@@ -225,7 +225,7 @@ def test_joint_states_that_were_held_back_are_no_opening(gripper):
     assert sender.send_until_known().gap == pytest.approx(0.035)
 
 
-def test_what_was_held_back_before_the_node_started_is_no_opening(gripper):
+def test_joint_states_held_back_before_the_start_give_no_opening(gripper):
     """The first messages may all be late by the same amount.
 
     The age of a joint state is unknown until the node has found the smallest delay of all messages.
@@ -237,7 +237,7 @@ def test_what_was_held_back_before_the_node_started_is_no_opening(gripper):
 
 
 @pytest.mark.parametrize('more', [{}, {'use_sim_time': True}])
-def test_a_measurement_that_is_sent_again_and_again_grows_old(gripper, more):
+def test_a_repeated_measurement_grows_old(gripper, more):
     gripper.make(**KNUCKLE, **more)
     sender = Sender(gripper, 1.7e9)
     sender.send_until_known()

@@ -31,7 +31,7 @@ def test_dense_solver_agrees(stencil):
 
 
 @pytest.mark.parametrize('seed', range(6))
-def test_only_extremes_are_those_of_all(seed):
+def test_the_extremes_alone_equal_the_extremes_of_all_eigenvalues(seed):
     mask = shapes(20 + 15 * seed)[seed % 5] if seed < 5 else blob(3)
     taxels = taxel_list(rotated_patterns(mask))
     rim = taxel_list(taxels.border(WEIGHTS[Stencil.NINE]))

@@ -205,7 +205,7 @@ def ended(monkeypatch, capfd, *parameters):
     (['source:=serial', 'port:=/nowhere/skin'], ['parameter port: expected a serial port that opens', '/nowhere/skin']),
     (['source:=serial', 'port:=/dev/null', 'baud_rate:=-1'], ['parameter port: expected a serial port that opens']),
     (['rows:=many'], ['parameter', 'rows', 'integer'])])
-def test_what_the_example_cannot_use_is_one_sentence_and_exit_code_2(parameters, parts, monkeypatch, capfd):
+def test_an_unusable_parameter_causes_one_sentence_and_exit_code_2(parameters, parts, monkeypatch, capfd):
     code, error = ended(monkeypatch, capfd, *parameters)
     assert code == 2 and error.startswith('other_skin: error: ') and all(part in error.lower() for part in map(
         str.lower, parts)), error

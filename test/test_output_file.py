@@ -34,7 +34,7 @@ def test_a_log_that_cannot_be_played_leaves_the_output_as_it_was(kept, capsys):
 
 @pytest.mark.parametrize('command', ['features', 'classify'])
 @pytest.mark.parametrize('name', ['keep.npy', 'link.npy'])
-def test_an_array_is_not_overwritten_by_what_is_found_in_it(command, name, kept, capsys):
+def test_the_results_for_an_array_never_overwrite_the_array(command, name, kept, capsys):
     """A link to the array, or the option --force, must not overwrite the array."""
     if name != kept.name:
         kept.with_name(name).symlink_to(kept)
@@ -61,7 +61,7 @@ def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path):
     assert path.read_bytes() == b'new' and stat.S_IMODE(path.stat().st_mode) == 0o640
 
 
-def test_a_new_file_can_be_read_by_whom_the_umask_lets(tmp_path):
+def test_a_new_file_has_the_permissions_of_the_umask(tmp_path):
     before = os.umask(0o027)
     try:
         with output_file(tmp_path / 'x') as stream:

@@ -61,7 +61,7 @@ def followed_at_half_speed(ros, lossless):
     return subscription.counts, [number for number, _ in worked_on], [end - sent[number] for number, end in worked_on]
 
 
-def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(ros):
+def test_a_stage_at_half_speed_processes_the_newest_frame_and_counts_the_others(ros):
     counts, numbers, ages = followed_at_half_speed(ros, lossless=False)
     assert counts.received == SENT and counts.processed == len(numbers) < SENT
     assert counts.overtaken == SENT - len(numbers) and not counts.dropped and not counts.skipped
@@ -70,7 +70,7 @@ def test_a_stage_of_half_the_speed_works_on_the_newest_and_counts_the_others(ros
     assert np.median(ages) < SENT * PERIOD / 4
 
 
-def test_what_a_stage_before_has_left_out_is_no_loss(ros):
+def test_frames_that_an_earlier_stage_left_out_do_not_count_as_lost(ros):
     """In an earlier version, the processor left out frames within its allowance of 5 %.
 
     The classifier then reported the omitted frames as lost.
@@ -90,6 +90,6 @@ def test_what_a_stage_before_has_left_out_is_no_loss(ros):
     assert subscription.counts.skipped == 1 and left_out == [0, 0, 2, 2]
 
 
-def test_a_lossless_stage_of_half_the_speed_works_on_all(ros):
+def test_a_lossless_stage_at_half_speed_processes_all_frames(ros):
     counts, numbers, _ = followed_at_half_speed(ros, lossless=True)
     assert numbers == list(range(SENT)) and counts.overtaken == 0

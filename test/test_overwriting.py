@@ -64,18 +64,18 @@ def test_with_force_it_is_replaced(folder, capsys):
     assert not (folder / 'x_part2.log').exists(), 'a reader would take this file for a part of the new recording'
 
 
-def test_a_log_whose_suffix_is_no_format_is_kept(folder):
+def test_a_log_with_an_unknown_suffix_is_kept(folder):
     (folder / 'thesis.txt').write_text('kept')
     assert main(['record', '--interface', 'virtual', 'thesis.txt', '--force']) == 2
     assert (folder / 'thesis.txt').read_text() == 'kept'
 
 
-def test_a_device_is_no_file_that_exists(folder):
+def test_a_device_does_not_count_as_an_existing_file(folder):
     assert main(['draft', 'sim16x16.eds', '--output', os.devnull]) == 0
 
 
 @pytest.mark.parametrize('command', [name for name, *_ in COMMANDS])
-def test_every_command_that_writes_says_so(command):
+def test_every_command_that_writes_a_file_has_force_or_never_overwrites(command):
     parsers = next(action for action in _parser(command)._actions if isinstance(action, argparse._SubParsersAction))
     options = {option for action in parsers.choices[command]._actions for option in action.option_strings}
     writes = options & {'--output', '--report', '--record', '--picture'} or command == 'record'

@@ -95,7 +95,7 @@ def check(transforms, gap, parent='gripper', names=('left_pad', 'right_pad')):
     assert Rotation.from_quat((turn.x, turn.y, turn.z, turn.w)).apply((0, 0, 1)) == pytest.approx([0, 1, 0])
 
 
-def test_at_a_given_opening_they_are_static_and_come_late_too(gripper, tf_message):
+def test_the_frames_at_a_given_opening_are_static_and_reach_late_subscribers(gripper, tf_message):
     gripper.make(gap=0.04)
     gripper.wait(0.5)
     heard = gripper.listen(tf_message, '/tf_static', TF_STATIC_QOS)
@@ -106,7 +106,7 @@ def test_at_a_given_opening_they_are_static_and_come_late_too(gripper, tf_messag
     check(gripper.wait_for(heard, 2), 0.01)
 
 
-def test_without_an_opening_there_are_none(gripper, tf_message):
+def test_there_are_no_frames_without_an_opening(gripper, tf_message):
     gripper.make()
     heard = gripper.listen(tf_message, '/tf_static', TF_STATIC_QOS)
     gripper.wait(1.0)
@@ -115,7 +115,7 @@ def test_without_an_opening_there_are_none(gripper, tf_message):
     check(gripper.wait_for(heard), 0.0)
 
 
-def test_at_a_measured_opening_they_move_and_stop_with_it(gripper, tf_message):
+def test_the_frames_at_a_measured_opening_move_and_stop_with_the_opening(gripper, tf_message):
     gripper.make(**JOINTS, frame_prefix='robot1/', pad_frames=['a', 'b'])
     heard = gripper.listen(tf_message, '/tf', TF_QOS)
     publisher = gripper.beside.create_publisher(JointState, '/joint_states', 10)
@@ -132,7 +132,7 @@ def test_at_a_measured_opening_they_move_and_stop_with_it(gripper, tf_message):
     assert all((a.sec, a.nanosec) < (b.sec, b.nanosec) for a, b in zip(stamps, stamps[1:]))
 
 
-def test_at_an_opening_from_tf_they_come_beside_the_fingers_and_do_not_feed_themselves(gripper, tf_message):
+def test_the_frames_at_an_opening_from_tf_follow_the_fingers_and_not_themselves(gripper, tf_message):
     gripper.make(gap_source='tf', gap_frames=['left_finger', 'right_finger'], gap_offset=-0.02)
     heard = gripper.listen(tf_message, '/tf', TF_QOS)
     publisher = gripper.beside.create_publisher(tf_message, '/tf', TF_QOS)
@@ -185,7 +185,7 @@ def test_frames_for_another_number_of_pads_are_refused(gripper, frames):
         gripper.make(pad_frames=frames)
 
 
-def test_where_tf2_msgs_is_missing_a_warning_says_so_and_the_node_runs(gripper, monkeypatch, caplog):
+def test_a_missing_tf2_msgs_causes_a_warning_and_the_node_runs(gripper, monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
     monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
     with caplog.at_level(logging.WARNING, logger='tactile_node'):

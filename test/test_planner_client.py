@@ -81,7 +81,7 @@ def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
 DIAGONAL = {'offset': 0.008, 'misalignment': 0.15, 'axis': (-sin(0.15), 0.0, cos(0.15))}
 
 
-def test_a_gripper_is_laid_on_faces_that_lean_whatever_their_line():
+def test_a_gripper_aligns_with_leaning_faces_regardless_of_their_line():
     lean = {'lean': (0.02 * client.STIFFNESS, 0.1 * client.STIFFNESS)}
     # The line between the contacts is straight, is misaligned, or is only partly known.
     for line in ({}, DIAGONAL, {'offset': 0.004}):
@@ -119,7 +119,7 @@ def test_a_contact_that_only_the_edge_cuts_is_followed(changes, action):
     ({'misalignment': 0.1}, 'wait'), ({'saturated_taxels': [3, 0]}, 'wait'),
     ({'pads_seen': [False, True]}, 'wait'), ({'hidden_taxels': [0, 1]}, 'wait'), ({'centre': (0.025, AIM[1])}, 'shift'),
     *(({'motions': MOTIONS[name]}, 'wait') for name in ('slides', 'not known', 'blind', 'turns would show'))])
-def test_what_is_longer_than_both_pads_is_lifted_once_nothing_moves(changes, action):
+def test_an_object_longer_than_both_pads_is_lifted_once_nothing_moves(changes, action):
     through = {'line_is_bound': True, 'at_edge': [True, True], 'stable': False, 'lean': (nan, nan)}
     found = choose(**through | changes)
     assert found.action == action and found.is_part is (action == 'lift')
@@ -226,7 +226,7 @@ def hide(world) -> None:
     *(((end_grasp, 0.0), (unplug, 0.0), (end_classifier, 0.0), (hide, 0.0))
       if LONG else ())],
     ids=lambda value: getattr(value, '__name__', ''))
-def test_a_planner_that_holds_an_object_keeps_still_when_its_sight_fails(fail: Callable, notice: float):
+def test_a_planner_that_holds_an_object_keeps_still_without_current_data(fail: Callable, notice: float):
     pytest.importorskip('rclpy')
     bench = pytest.importorskip('misled_bench')
     late = [acted_too_long(bench, fail, notice)]

@@ -54,12 +54,12 @@ def test_a_decision_is_followed(action, kind):
 
 @pytest.mark.parametrize(('action', 'reason'), [('hold', Reason.NOT_SEEN), ('wait', Reason.NO_DECISION),
                                                 ('open', Reason.EMPTY)])
-def test_it_gives_up_when_nothing_is_decided(action, reason):
+def test_the_loop_gives_up_without_a_decision(action, reason):
     order = loop(patience=2.0).next(Correction(action), 2.0)
     assert (order.kind, order.reason) == ('give_up', reason)
 
 
-def test_it_gives_up_after_so_many_moves_and_none_counts_twice():
+def test_the_loop_gives_up_after_a_number_of_moves_and_counts_none_twice():
     found = loop(max_moves=2)
     for now in (1.0, 2.0):
         assert found.next(Correction('shift'), now).kind == 'move'
@@ -74,7 +74,7 @@ def placed(tilt=0.0, shift=0.0):
     return Placed(thing, np.array((AIM[0] + shift, AIM[1], 0.0)), Rotation.from_euler('y', tilt))
 
 
-def test_the_world_is_what_statics_says():
+def test_the_world_agrees_with_statics():
     """The expected force, gap and tilt for a square of 12 x 12 mm are worked out by hand.
 
     The two ends of the tilted prism are length * sin(tilt) apart across the closing direction.
@@ -159,14 +159,14 @@ def test_from_random_starts_the_contacts_come_to_oppose():
 @pytest.mark.parametrize(('fault', 'reason'), [
     ('misses a pad', Reason.NO_DECISION), ('nothing there', Reason.EMPTY), ('a pad is silent', Reason.NOT_SEEN),
     ('half a pad is hidden', Reason.NO_DECISION)])
-def test_where_no_move_helps_it_gives_up_and_does_not_squeeze(fault, reason):
+def test_the_loop_gives_up_without_a_squeeze_if_no_move_helps(fault, reason):
     run = bench_planner.Simulation(bench_planner.SEED + 500, 'circle', fault, patience=1.5).run()
     assert not run.is_done and run.reason is reason
 
 
 @pytest.mark.slow
 @pytest.mark.ros
-def test_with_wrong_advice_it_is_never_done(monkeypatch):
+def test_the_loop_is_never_done_with_wrong_advice(monkeypatch):
     """If the loop succeeded with wrong advice, the tests above could not fail."""
     monkeypatch.setattr(planner_client, 'opposing', lambda line: (0.0, -line.misalignment, 0.0))
     run, = bench_planner.runs(1)

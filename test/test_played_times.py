@@ -41,7 +41,7 @@ def test_stamps_played_at_once_share_an_entry():
     assert log.times.age(1000 + 0.001 * 9_999) == pytest.approx(0, abs=1.1 * PLAYED_RESOLUTION)
 
 
-def test_what_was_played_long_ago_is_at_least_as_old_as_the_first_entry():
+def test_a_stamp_played_long_ago_is_at_least_as_old_as_the_first_entry():
     log = Played()
     log.play(*(1000 + 0.02 * n for n in range(2 * MOST_ENTRIES)), each=0.002)
     assert log.times.age(1000.0) >= MOST_ENTRIES * 0.002 - 0.01

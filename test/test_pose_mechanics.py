@@ -90,7 +90,7 @@ def test_a_cone_is_as_large_as_its_contact(tip):
     assert inside.mean() >= 0.8
 
 
-def test_a_large_contact_at_the_pads_edge_knows_less_than_one_beside_it():
+def test_a_large_contact_at_the_pads_edge_is_less_certain_than_a_contact_away_from_it():
     """For some numbers of rows, the last block of taxels is incomplete."""
     for rows in range(97, 103):
         frame = np.zeros((rows, 120))

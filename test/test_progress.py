@@ -29,7 +29,7 @@ def at_once(monkeypatch):
     monkeypatch.setattr(progress, 'BAR_DELAY', 0)
 
 
-def test_it_is_silent_where_stderr_is_no_terminal(capsys):
+def test_no_progress_is_shown_if_stderr_is_not_a_terminal(capsys):
     assert work() == ['a', 'b', 'c']
     assert capsys.readouterr() == ('', '')
 

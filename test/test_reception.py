@@ -33,7 +33,7 @@ class Script:
         return self._messages.pop(0)
 
 
-def test_what_waits_is_one_batch_in_order_and_what_came_before_a_fault_is_not_lost():
+def test_waiting_messages_form_one_batch_and_none_before_a_fault_is_lost():
     sent = [can.Message(arbitration_id=number, is_extended_id=False) for number in range(MOST_IN_BATCH + 10)]
     batches, errors = [], []
     reception = Reception(Script(sent), batches.append, errors.append)
@@ -167,7 +167,7 @@ def test_a_bus_that_was_closed_or_not_read_was_not_free(monkeypatch):
     assert bus.seen() == [inf, 0.0, 0.0, 0.0, 0.0, 1.7, 0.0, 0.5] and bus.traffic.overruns == 1
 
 
-def test_a_frame_for_which_there_is_no_room_is_counted_once(monkeypatch):
+def test_a_frame_without_room_in_the_queue_is_counted_once(monkeypatch):
     bus, held = Clocked(monkeypatch, queue_limit=1), threading.Event()
     bus.traffic.put(held.wait)
     for kind in ({}, {'extended': True}, {'is_error_frame': True}, {}):
@@ -177,14 +177,14 @@ def test_a_frame_for_which_there_is_no_room_is_counted_once(monkeypatch):
     assert (bus.traffic.overruns, dict(bus.traffic.no_data_frames)) == (1, {'foreign': 1, 'error': 1})
 
 
-def test_a_clock_that_is_set_forward_is_no_free_bus(monkeypatch):
+def test_a_clock_that_is_set_forward_does_not_count_as_a_free_bus(monkeypatch):
     bus = Clocked(monkeypatch)
     for stamps, steady in (((1.0,), 1.0), ((1.001,), 1.001), ((1.052,), 1.002)):
         assert wait_until(bus.received(*stamps, steady=steady))
     assert bus.seen()[1:] == [0.0, 0.05]
 
 
-def test_what_is_no_taxel_takes_its_time_and_after_an_error_the_bus_is_not_known_to_be_free(monkeypatch):
+def test_other_frames_take_bus_time_and_after_an_error_the_bus_is_not_provably_free(monkeypatch):
     bus = Clocked(monkeypatch)
     for stamp, spans, kind in ((1.0, 1, {}), (1.01, 2, {'extended': True}), (1.02, 1, {'is_error_frame': True})):
         assert wait_until(bus.received(stamp, spans=spans, **kind))
@@ -214,7 +214,7 @@ def test_the_live_bus_load_counts_every_frame_on_the_wire_as_the_report_does(kin
     assert record.report(None).load.mean == pytest.approx(2 * bits / 1e6)
 
 
-def test_a_fault_that_comes_once_is_reported_after_what_came_before_it():
+def test_a_single_fault_is_reported_after_all_earlier_messages():
     class Once(Script):
         def recv(self, timeout):
             message = super().recv(timeout)

@@ -153,7 +153,7 @@ BAD_ARRAYS = {
 
 
 @pytest.mark.parametrize('content', [*BAD_ARRAYS, 'nothing', 'text', 'other arrays', 'cut', 'other compression'])
-def test_files_that_are_no_weights_are_refused(tmp_path, content):
+def test_files_without_weights_are_refused(tmp_path, content):
     path, weights = tmp_path / 'weights.npz', config_path('recogniser.npz')
     if content in BAD_ARRAYS:
         np.savez_compressed(path, **dict(np.load(weights)) | BAD_ARRAYS[content])
@@ -197,7 +197,7 @@ def test_the_smallest_contact_decides_how_much_of_a_pad_must_be_seen():
 
 
 @pytest.mark.parametrize('method', ['learned', 'volf'])
-def test_why_a_shape_is_unknown(method):
+def test_an_unknown_shape_has_a_reason(method):
     recogniser = make_recogniser(method)
     few = np.zeros((9, 9))
     few[4, 3:6] = 1
@@ -260,7 +260,7 @@ def test_hidden_taxels_are_read_as_empty_as_pressed_beside_and_as_pressed_straig
         assert not each.hidden.any() and not np.isnan(each.values).any()
 
 
-def test_nothing_but_a_circle_is_sure_from_few_taxels():
+def test_only_a_circle_is_certain_with_few_taxels():
     few, more = np.zeros((2, 10, 10), bool)
     few[4:6, 3:7] = True
     more[4:6, 2:8] = True

@@ -31,7 +31,7 @@ def test_hidden_rows_within_one_contact_take_no_piece_of_it_because_of_another_c
     assert recogniser.recognise(beside).shape is recogniser.recognise(alone).shape
 
 
-def test_the_largest_contact_is_no_specks_around_the_second(recogniser):
+def test_the_largest_contact_does_not_count_as_specks_around_the_second(recogniser):
     triangle = np.zeros((24, 24))
     for row in range(4):
         triangle[14 + row, 3:7 - row] = 1

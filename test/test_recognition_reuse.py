@@ -64,7 +64,7 @@ def test_a_name_that_the_taxels_do_not_support_is_asked_no_more_often_than_a_sur
     pytest.param(np.where(np.arange(16) == 2, np.nan, pressed()), id='a column is hidden'),
     pytest.param(pressed()[:14], id='another pad'),
     pytest.param(np.maximum(pressed(), pressed(slice(13, 16), slice(0, 3))), id='a second contact')])
-def test_what_differs_in_a_taxel_is_recognised_at_once(frame):
+def test_a_frame_that_differs_in_one_taxel_is_recognised_at_once(frame):
     assert asked_of([pressed(), pressed(), frame], Asked(), stamps=[0.0, 0.001, 0.002]) == [True, False, True]
 
 

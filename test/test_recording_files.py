@@ -87,7 +87,7 @@ print(writer.can_frames, writer.unwritten, bool(writer.failure), writer.parts)
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('suffix', 'largest'), [*((suffix, 0) for suffix in SUFFIXES), ('.log', 5_000)])
-def test_a_full_disk_costs_exactly_what_is_counted(tmp_path, suffix, largest):
+def test_a_full_disk_loses_exactly_the_counted_frames(tmp_path, suffix, largest):
     """A file size limit simulates the full disk.
 
     Files that rotate at 5,000 bytes never reach the limit.

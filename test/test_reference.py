@@ -30,7 +30,7 @@ def test_every_parameter_of_a_node_is_in_its_table(node):
     assert len(rows(own)) + len(rows(common)) - 2 == len(table(parameters.NODES[node]))
 
 
-def test_a_comment_belongs_to_what_it_stands_beside(tmp_path):
+def test_a_comment_belongs_to_the_field_beside_it(tmp_path):
     path = tmp_path / 'Some.msg'
     path.write_text('# What it is. More.\n\n# Of both.\nfloat64 x  # along rows [m]\n           # and columns\n'
                     'uint8 A=1\nstring<=4[] names "x"\n', encoding='utf-8')
@@ -46,7 +46,7 @@ def test_every_mark_of_a_page_has_a_generator_and_every_generator_a_page():
     assert sorted(named) == sorted(from_code.GENERATORS)
 
 
-def test_what_the_code_lacks_is_said_in_the_page(monkeypatch):
+def test_the_page_names_a_module_that_is_missing(monkeypatch):
     def lacks(name):
         raise ModuleNotFoundError(name='rclpy')
     monkeypatch.setattr(from_code, 'import_module', lacks)

@@ -34,7 +34,7 @@ NAME_UPLOAD = '''620#4008100000000000 5A0#4108100010000000 620#6000000000000000 
 
 
 def session(until=3.1):
-    """Return the lines of the session for the set-up and the first touch."""
+    """Return the lines of the session for the setup and the first touch."""
     with gzip.open(SESSION, 'rt') as file:
         return [line for line in file.read().splitlines() if float(line[1:18]) < BEGIN + until]
 
@@ -93,7 +93,7 @@ def test_devices_and_bus_of_a_session(whole):
     assert {finding for finding, _ in found_in(whole)} == {Remark.BUS_GAPS}
 
 
-def test_what_was_put_into_a_log_is_found(tmp_path):
+def test_faults_inserted_into_a_log_are_found(tmp_path):
     lines = session()
     tpdos = [k for k, line in enumerate(lines) if ' 1A0#' in line]
     at = tpdos[10]
@@ -130,7 +130,7 @@ def test_what_was_put_into_a_log_is_found(tmp_path):
 
 
 @pytest.mark.slow
-def test_of_another_device_no_taxel_is_given(tmp_path):
+def test_the_report_omits_the_taxels_of_another_device(tmp_path):
     """The log contains the product code 0x16160009, which differs from the product code in the layout's EDS."""
     lines = [line.replace('5A0#4318100208001616', '5A0#4318100209001616') for line in session()]
     path = logged(tmp_path / 'x.log', lines)
@@ -319,7 +319,7 @@ def test_counts_of_the_driver_are_those_within_the_recording():
     assert node.objects == {} and node.heartbeats is None
 
 
-def test_what_the_driver_reports_is_given_where_it_changes():
+def test_reports_of_the_driver_are_listed_when_they_change():
     record = StatusRecord()
     for k, (level, message) in enumerate([(1, ''), (3, 'no frames'), (3, 'no frames'), (1, '')]):
         record.feed_status(BEGIN + k, status(level=level, message=message))

@@ -197,12 +197,13 @@ def test_the_command_names_the_problems_that_it_counts(tmp_path, capsys):
     log, out = logged(tmp_path / 'x.log', session(2.5)), tmp_path / 'report.html'
     assert main(['report', log, '--node-id', '32,96', '--pads', 'left,right', '-o', str(out)]) == 0
     first, *problems = capsys.readouterr().out.splitlines()
-    assert first.endswith(f' {len(problems)} problems') and any('right: no taxels' in problem for problem in problems)
+    assert first.endswith(f' {len(problems)} problems')
+    assert any('right: this recording contains no taxels' in problem for problem in problems)
     texts = ''.join(check_alone(out.read_text(encoding='utf-8')).texts)
     assert all(problem.strip() in texts for problem in problems)
 
 
-def test_a_bag_is_told_from_a_log_by_its_topics(tmp_path, capsys, monkeypatch):
+def test_a_bag_is_distinguished_from_a_log_by_its_topics(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, 'rclpy', None)
     folder = bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames(12)])
     assert main(['report', str(folder), '-o', str(tmp_path / 'a.html')]) == 0

@@ -41,7 +41,7 @@ def test_inside_taxels_are_those_with_four_active_neighbours(shape):
 
 
 @pytest.mark.slow
-def test_what_is_drawn_does_not_depend_on_the_number_of_processes():
+def test_the_drawn_patterns_do_not_depend_on_the_number_of_processes():
     wanted = {'a': Wanted('benchmark', Purpose.TEST, 260, (20, 40)),
               'b': Wanted('one proportion', Purpose.TEST, 5, (30, 30))}
     one, two = (draw(wanted, 3, jobs) for jobs in (1, 2))

@@ -27,7 +27,7 @@ def short_of(state=HELD, left=SQUARE, right=SQUARE, **required):
 @pytest.mark.parametrize('required', [
     {}, {'shapes': frozenset({'square', 'circle'})}, {'min_confidence': 0.9}, {'min_held': 1.0},
     {'min_width': 0.03, 'max_width': 0.03}, {'max_width': 0.04}, {'max_offset': 0.001}, {'max_misalignment': 0.033}])
-def test_what_is_held_as_required_is_short_of_nothing(required):
+def test_a_grasp_that_meets_the_requirement_lacks_nothing(required):
     assert short_of(**required) == ()
 
 
@@ -52,7 +52,7 @@ def test_without_two_contacts_that_are_seen_nothing_else_counts(contact, expecte
 @pytest.mark.parametrize(('state', 'expected'), [
     (HELD._replace(fresh=False), M.NOT_FRESH), (HELD._replace(stable=False), M.NOT_STABLE),
     (HELD._replace(line_is_bound=True), M.BOUND)])
-def test_a_grasp_is_fresh_stable_and_whole_whatever_is_required(state, expected):
+def test_every_requirement_demands_a_fresh_stable_and_whole_grasp(state, expected):
     assert short_of(state) == (expected,)
 
 
@@ -63,7 +63,7 @@ def test_a_bound_is_accepted_on_request_only():
 @pytest.mark.parametrize(('line', 'expected'), [
     (None, (M.WIDTH_NOT_KNOWN, M.OFFSET_NOT_KNOWN, M.MISALIGNMENT_NOT_KNOWN)),
     (LINE._replace(width=nan, misalignment=nan), (M.WIDTH_NOT_KNOWN, M.MISALIGNMENT_NOT_KNOWN))])
-def test_what_is_not_known_fulfils_no_limit(line, expected):
+def test_an_unknown_value_meets_no_limit(line, expected):
     state = HELD._replace(line=line)
     assert short_of(state, max_width=1.0, max_offset=1.0, max_misalignment=3.0) == expected
     assert short_of(state) == ()
@@ -72,7 +72,7 @@ def test_what_is_not_known_fulfils_no_limit(line, expected):
 @pytest.mark.parametrize('name', ['min_confidence', 'min_held', 'min_width', 'max_width', 'max_offset',
                                   'max_misalignment'])
 @pytest.mark.parametrize('value', [nan, inf, -0.001])
-def test_a_limit_that_is_none_is_refused(name, value):
+def test_an_impossible_limit_is_refused(name, value):
     with pytest.raises(RefusedRequirementError) as error:
         Requirement(**{name: value})
     assert error.value.refusal is RequirementRefusal.NOT_A_LIMIT
@@ -85,7 +85,7 @@ def test_a_limit_that_is_none_is_refused(name, value):
     ({'shapes': frozenset({'unknown'})}, RequirementRefusal.NO_SUCH_SHAPE),
     ({'shapes': frozenset({''})}, RequirementRefusal.NO_SUCH_SHAPE),
     ({'shapes': frozenset(f'shape {i}' for i in range(MOST_REQUIRED + 1))}, RequirementRefusal.TOO_MANY_SHAPES)])
-def test_what_nothing_can_fulfil_is_refused(required, refusal):
+def test_a_requirement_that_no_grasp_can_meet_is_refused(required, refusal):
     with pytest.raises(RefusedRequirementError) as error:
         Requirement(**required)
     assert error.value.refusal is refusal

@@ -133,7 +133,7 @@ def test_every_contact_has_its_least_rectangle_and_what_of_it_is_a_bound(kind):
     assert message.box_centre_sd > 0 and 0 < message.box_angle_sd < 0.46
 
 
-def test_without_a_contact_there_is_no_rectangle_that_could_be_taken_for_one():
+def test_there_is_no_rectangle_without_a_contact():
     message = shape(np.zeros((16, 16), np.float32), Shape.NONE)
     assert np.isnan((*message.box_lengths, *message.box_lengths_sd, message.box_angle, message.box_centre.x)).all()
 
@@ -233,7 +233,7 @@ def test_two_pads_become_one_grasp():
     assert (grasp.gap, grasp.gap_source, grasp.gap_age.nanosec) == (0.0, Grasp.GAP_JOINT_STATES, 250_000_000)
 
 
-def test_the_object_of_a_grasp_is_what_both_pads_see():
+def test_the_object_of_a_grasp_follows_from_both_pads():
     """Both pads see the same bar of 9 x 4 taxels, which the default pads mirror.
 
     Between the two pads, the object's y is 0.
@@ -278,7 +278,7 @@ def test_the_sides_of_a_grasp_are_a_message_of_their_own():
 @pytest.mark.parametrize('wrong', [{'standard_deviations': [0.0] * 5}, {'standard_deviations': [math.nan] * 5},
                                    {'parameter_names': ['a'] * 5}, {'dimension_names': [], 'dimensions': [],
                                                                     'dimension_is_bound': []}])
-def test_a_fit_without_deviations_is_none_for_the_object(wrong):
+def test_a_fit_without_deviations_is_not_used_for_the_object(wrong):
     """The check of a shape message accepts these fits, but fits without standard deviations get no weight."""
     side = shape(block(4, 9), Shape.RECTANGLE)
     for name, value in wrong.items():
@@ -287,7 +287,7 @@ def test_a_fit_without_deviations_is_none_for_the_object(wrong):
 
 
 @pytest.mark.parametrize('period', [0.02, 0.05, 0.2])
-def test_a_receiver_of_grasps_knows_their_age_whatever_the_period(period):
+def test_a_receiver_of_grasps_knows_their_age_at_any_period(period):
     """The stamp and the age of a grasp must come from the same side.
 
     In an earlier version, the stamp and the age came from two sides that differed by a period, and a planner's estimate
@@ -308,7 +308,7 @@ def test_a_receiver_of_grasps_knows_their_age_whatever_the_period(period):
     assert found.age_on_arrival == pytest.approx(0.023, abs=0.005)
 
 
-def test_without_an_opening_a_grasp_has_no_width_and_says_so():
+def test_a_grasp_without_an_opening_has_no_width_and_marks_it_as_unknown():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
     tracker.update('left', side_result(message, 5.0), now=5.0)
     state = tracker.update('right', side_result(message, 5.0), now=5.0)
@@ -327,7 +327,7 @@ def test_the_sources_of_an_opening_have_the_codes_of_the_message():
             'GAP_NOT_KNOWN', 'GAP_PARAMETER', 'GAP_JOINT_STATES', 'GAP_TF')}
 
 
-def test_one_touched_pad_is_no_line():
+def test_one_touched_pad_gives_no_line():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
     empty = shape(np.zeros((16, 16), np.float32), Shape.NONE)
     tracker.update('left', side_result(message, 5.0), now=5.0)
@@ -372,7 +372,7 @@ def test_a_side_is_empty_only_if_seen_and_a_cut_contact_shows_no_creep(values, k
 
 
 @pytest.mark.parametrize('kind', (Shape.RECTANGLE, Shape.UNKNOWN))
-def test_what_reaches_the_edge_is_a_bound_for_a_grasp_also_where_the_finger_ends_and_its_force_is_whole(kind):
+def test_a_contact_at_the_edge_is_a_bound_for_a_grasp_even_if_its_force_is_exact(kind):
     """The object may extend beyond the finger.
 
     An object beyond the finger may have its centre elsewhere, and may creep along its own length.

@@ -103,7 +103,7 @@ def test_a_traceback_is_forwarded_with_its_record(rosout, made):
     assert heard.level == Log.ERROR and heard.msg.startswith('failed\n') and 'ValueError: the cause' in heard.msg
 
 
-def test_of_two_drivers_the_older_one_forwards_then_the_other(rosout):
+def test_the_older_of_two_drivers_forwards_records_first(rosout):
     first, second = driver('first'), driver('second')
     rosout.wait_for_driver()
     CAN_SIDE.warning('one')
@@ -161,7 +161,7 @@ def test_commands_without_nodes_print_warnings_to_stderr_once(capsys, monkeypatc
     assert logging.getLogger('tactile_node').handlers == handlers
 
 
-def test_what_the_bus_logs_arrives_under_the_drivers_name(rosout):
+def test_log_records_of_the_bus_arrive_under_the_drivers_name(rosout):
     """The supervisor's thread writes these log records.
 
     The test switches the device off, and closes the driver while the device is off.

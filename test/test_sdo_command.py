@@ -111,7 +111,7 @@ def test_an_object_is_written_in_the_bytes_of_its_type(exchange, words, capsys):
     ('0x1017:300', '1', '--type', 'u16'), ('0x10170', '1', '--type', 'u16'), ('Heartbeat', '1', '--type', 'u16'),
     ('0x1017', 'zz', '--type', 'hex'), ('0x1017', 'ä', '--type', 'str'), ('0x1017', '2', '--type', 'bool'),
     ('0x2121:2', '', '--type', 'str'), ('0x2122', '', '--type', 'hex')])  # canopen sends no request for an empty value.
-def test_what_could_mean_something_else_is_refused_and_nothing_sent(words, capsys):
+def test_an_ambiguous_request_is_refused_and_not_sent(words, capsys):
     code, out, err, requests = sdo(capsys, [], 'write', *words)
     assert code == 2 and not out and 'expected' in err and not requests
 
@@ -143,7 +143,7 @@ def test_parameters_are_stored_and_restored_by_their_signatures(words, exchange,
     assert code == 0 and part in out and requests == [exchange[0][0]]
 
 
-def test_a_write_to_what_decides_tpdos_warns(capsys):
+def test_a_write_to_an_object_that_determines_tpdos_causes_a_warning(capsys):
     code, _, err, requests = sdo(capsys, MAPPING, 'write', '0x1A00', '0', '--type', 'u8')
     assert code == 2 and 'warning' in err and '0x06010000' in err and len(requests) == 1
 

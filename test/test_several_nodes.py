@@ -138,7 +138,7 @@ def test_incomplete_frames_are_dropped_as_a_whole(tmp_path):
     (TWO.replace('nodes: 2', 'nodes: 3'), 'none with node: 2'), (TWO.replace('nodes: 2\n', ''), r'tpdos\[2\].node'),
     (TWO.replace('node: 1, number: 2', 'node: 1, number: 1'), r'tpdos\[3\].number'),
     (TWO.replace('nodes: 2', 'nodes: 0'), '"nodes"')])
-def test_bad_layouts(tmp_path, text, says):
+def test_bad_layouts_are_refused(tmp_path, text, says):
     with pytest.raises(ConfigurationError, match=says):
         tiny_layout(tmp_path, text)
 

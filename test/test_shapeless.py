@@ -33,7 +33,7 @@ SHAPES = {
 
 @pytest.mark.parametrize('mask', SHAPES.values(), ids=SHAPES)
 @pytest.mark.parametrize('specks', [0, 2])
-def test_a_contact_on_a_quiet_pad_is_no_chance(mask, specks):
+def test_a_contact_on_a_quiet_pad_is_not_due_to_chance(mask, specks):
     pressed = mask.copy()
     pressed[[0, 15][:specks], [0, 15][:specks]] = True
     assert not is_shapeless(of_taxels(pressed))
@@ -52,7 +52,7 @@ BARS = {
 
 
 @pytest.mark.parametrize('mask', LINES.values(), ids=LINES)
-def test_a_line_one_taxel_wide_may_be_a_bad_one(mask):
+def test_a_line_one_taxel_wide_may_be_a_faulty_line(mask):
     assert is_shapeless(of_taxels(mask))
 
 
@@ -71,7 +71,7 @@ LEVELS = {  # Levels of the 16 rows of a pad. The bar covers two rows that read 
 
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
 @pytest.mark.parametrize('levels', LEVELS.values(), ids=LEVELS)
-def test_a_band_on_a_pad_that_hums_is_no_bar(levels, turn):
+def test_a_band_on_a_humming_pad_is_not_a_bar(levels, turn):
     rng = np.random.default_rng(6)
     mask = np.broadcast_to(np.array(levels)[:, None] == 10, (16, 16))
     for _ in range(20):
@@ -96,7 +96,7 @@ def test_a_bar_across_a_pad_is_a_contact(other, turn):
 
 
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
-def test_what_stands_out_of_noisy_lines_is_no_contact(turn):
+def test_peaks_of_noisy_lines_are_not_a_contact(turn):
     rng, found, passed = np.random.default_rng(8), 0, 0
     for _ in range(200):
         values = 0.02 * rng.standard_normal((16, 16))
@@ -123,7 +123,7 @@ def test_salt_makes_no_contact_of_a_size_that_has_a_shape(density, side):
     assert passed <= 3
 
 
-def test_what_reaches_three_edges_has_no_shape_since_its_width_is_not_seen():
+def test_a_contact_at_three_edges_has_no_shape_because_its_width_is_not_seen():
     for mask in (np.ones((16, 16), bool), box(0, 0, 16, 9), box(9, 0, 7, 16)):
         assert is_shapeless(of_taxels(mask))
     for mask in (box(1, 1, 14, 14), box(0, 0, 15, 15), box(1, 0, 15, 9)):
@@ -131,7 +131,7 @@ def test_what_reaches_three_edges_has_no_shape_since_its_width_is_not_seen():
 
 
 @pytest.mark.parametrize('method', ['learned', 'volf'])
-def test_a_method_answers_unknown_to_chance_and_none_to_an_empty_pad(method):
+def test_a_method_reports_unknown_for_chance_and_none_for_an_empty_pad(method):
     recogniser = make_recogniser(method)
     for mask in (LINES['row'], LINES['column'], (ROWS + COLS) % 2 == 0):
         assert recogniser.recognise(of_taxels(mask)).shape is Shape.UNKNOWN
@@ -139,7 +139,7 @@ def test_a_method_answers_unknown_to_chance_and_none_to_an_empty_pad(method):
 
 
 @pytest.mark.parametrize('turn', [np.asarray, np.transpose])
-def test_a_part_of_a_line_that_hums_is_no_contact(turn):
+def test_a_part_of_a_humming_line_is_not_a_contact(turn):
     rng = np.random.default_rng(3)
     hum = 0.02 * rng.standard_normal((24, 24))
     hum[10:12] += 0.6

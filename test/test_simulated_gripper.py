@@ -153,7 +153,7 @@ def test_two_pads_carry_50_grams_by_friction(name, effort, outcome):
 
 @physics
 @pytest.mark.parametrize(('effort', 'outcome'), [(0.7, Outcome.DROPPED), (2.0, Outcome.HELD)])
-def test_a_shake_of_2_g_loses_what_is_held_weakly(effort, outcome):
+def test_a_shake_of_2_g_loses_a_weakly_held_item(effort, outcome):
     world, speeds = lifted(effort=effort), []
     assert world.outcome is Outcome.HELD
     world.shake(2.0, seconds=1.0)
@@ -167,7 +167,7 @@ def test_a_shake_of_2_g_loses_what_is_held_weakly(effort, outcome):
 
 @physics
 @pytest.mark.parametrize(('effort', 'outcome'), [(4.0, Outcome.HELD), (2.0, Outcome.DROPPED)])
-def test_a_pull_of_3_newtons_slides_what_friction_does_not_carry(effort, outcome):
+def test_a_pull_of_3_newtons_slides_an_item_that_friction_does_not_carry(effort, outcome):
     world = lifted(effort=effort)  # The object weighs 0.5 N.
     world.pull(0.01, 3.0)
     world.step(4.0)
@@ -235,7 +235,7 @@ def test_a_form_without_a_sensor_in_mujoco_is_refused():
 
 
 @physics
-def test_orders_are_obeyed_and_others_answered_with_what_there_is():
+def test_known_orders_are_executed_and_unknown_orders_get_the_list():
     world = World(ITEMS['square'])
     for line in ('close 3', 'move lift=0.02', ''):
         assert obey(world, line).startswith(world.outcome.value)

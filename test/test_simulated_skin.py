@@ -103,7 +103,7 @@ def test_the_tpdos_are_sent_in_the_order_of_the_layout(tmp_path):
         assert bench.driver.statistics().pads['pad32'].orders == (None,)
 
 
-def test_written_mapping_transmission_type_and_cob_id_are_obeyed(wire):
+def test_the_skin_applies_a_written_mapping_transmission_type_and_cob_id(wire):
     """TPDO 1 maps 0x210F sub 16 and 0x2101 sub 1, which have the counts 255 and 16.
 
     The device sends TPDO 1 with the COB-ID 0x3AA at every second SYNC.
@@ -275,7 +275,7 @@ def test_slcan_lines(line, can_id, data, extended, remote):
 
 @pytest.mark.parametrize('line', ['t', 't1A0', 't1A09AA', 't1A02AA', 'tXYZ0', 't1A02AABBCC', 'T1A00',
                                   't1A01GG'])
-def test_slcan_lines_that_are_none(line):
+def test_text_that_is_not_an_slcan_line(line):
     assert decode(line.encode()) is None
 
 

@@ -87,7 +87,7 @@ def test_stop_and_start_again():
         assert bench.take(1)[0][1].sequence == 0
 
 
-def test_all_calls_are_allowed_in_any_state():
+def test_every_call_is_allowed_in_every_state():
     with Bench('states') as bench:
         bench.driver.stop()
         bench.driver.close()

@@ -87,7 +87,7 @@ def test_a_driver_closes_while_it_configures_a_slow_device():
             assert requests() <= 2
 
 
-def test_a_start_that_is_obeyed_late_is_waited_for():
+def test_the_driver_waits_for_a_device_that_starts_late():
     with Bench('late start', boot_timeout=20.0) as bench:
         bench.driver.open()
         bench.driver.configure()
@@ -126,7 +126,7 @@ def test_the_answer_about_our_object_is_taken(others):
     assert client.others == len(others) and len(wire.requests) == 1
 
 
-def test_a_device_that_was_held_up_answers_requests_of_clients_before():
+def test_a_delayed_device_may_answer_requests_of_earlier_clients():
     """The device sends three responses to three requests.
 
     In an earlier version, the driver mistook three responses for those of two devices.
@@ -149,7 +149,7 @@ def test_an_abort_without_an_object_is_ours():
         client.upload(0x1018, 1)
 
 
-def test_answers_about_other_objects_are_no_answer():
+def test_answers_about_other_objects_are_ignored():
     """In an earlier version, a response about another object ended the wait.
 
     In an earlier version, the client then repeated its request at once, 2,700 times a second.

@@ -24,7 +24,7 @@ def accepted(*sources):
 
 @pytest.mark.parametrize('first', [0, 3, 90, 2_000, 4_000_000])
 @pytest.mark.parametrize('clock', [-3600.0, -0.2, 0.0, 0.2])
-def test_of_two_drivers_none_is_used(first, clock):
+def test_neither_of_two_drivers_is_used(first, clock):
     """The result does not depend on the sequence numbers or the clock of the other driver.
 
     The guard uses none of the other driver's messages, and soon none of ours.
@@ -34,7 +34,7 @@ def test_of_two_drivers_none_is_used(first, clock):
     assert max(message[0] for message in both if message[0] < 9.0) < 1.005 + 4 * PERIOD
 
 
-def test_ours_is_used_again_when_the_other_has_ended():
+def test_our_source_is_used_again_when_the_other_source_has_ended():
     used = accepted(sent(500, first=1000), sent(50, first=5, begin=1.005, name='theirs'))
     again = min(message[0] for message in used if message[0] > 1.5)
     assert 1.985 < again <= 1.985 + SOURCE_HOLD + PERIOD
@@ -48,7 +48,7 @@ def test_a_driver_that_starts_again_is_used_once_the_one_before_is_gone():
 
 
 @pytest.mark.parametrize('pause', [0.25, 0.9])
-def test_a_driver_held_up_as_another_begins_is_not_taken_for_one_that_was_started_again(pause):
+def test_a_driver_delayed_while_another_starts_does_not_count_as_restarted(pause):
     ours = [(arrival if number <= 50 else max(arrival, 1.0 + pause), number, stamp, name)
             for arrival, number, stamp, name in sent(500)]
     both = accepted(ours, sent(100, first=5, begin=1.005, name='theirs'))
@@ -56,26 +56,26 @@ def test_a_driver_held_up_as_another_begins_is_not_taken_for_one_that_was_starte
 
 
 @pytest.mark.parametrize('silence', [0.3, 0.9])
-def test_the_other_is_not_used_while_ours_is_silent_for_a_moment(silence):
+def test_the_other_source_is_not_used_while_ours_is_silent_for_a_moment(silence):
     ours = [message for message in sent(500, first=1000) if not 4 < message[0] < 4 + silence]
     both = accepted(ours, sent(400, first=5, begin=1.005, name='theirs'))
     assert not [message for message in both if message[3] == 'theirs' and message[0] < 9]
 
 
 @pytest.mark.parametrize('lost', [1, 9, 30, 45, 3000])
-def test_frames_that_are_lost_in_a_row_are_no_other_source(lost):
+def test_consecutive_lost_frames_do_not_count_as_another_source(lost):
     source = sent(4000)
     kept = source[:200] + source[200 + lost:]
     assert accepted(kept) == kept
 
 
-def test_a_clock_that_is_set_is_no_other_source():
+def test_a_set_clock_does_not_count_as_another_source():
     source = [(arrival, number, stamp + (5.0 if number > 100 else 0) - (3600 if number > 200 else 0), name)
               for arrival, number, stamp, name in sent(300)]
     assert accepted(source) == source
 
 
-def test_frames_left_out_on_purpose_are_no_other_source():
+def test_frames_left_out_on_purpose_do_not_count_as_another_source():
     guard = SourceGuard()
     assert all(guard.accepts(0.4 * n, 20 * n, EPOCH, left_out=19 * (n > 0)) for n in range(20))
 
@@ -137,7 +137,7 @@ def test_a_single_false_message_is_not_used_and_does_no_more():
 
 
 @pytest.mark.parametrize('part', [0.05, 0.5])
-def test_frames_that_are_lost_here_and_there_are_no_other_source(part):
+def test_scattered_lost_frames_do_not_count_as_another_source(part):
     chance = random.Random(4)
     kept = [message for message in sent(2000) if chance.random() > part]
     assert accepted(kept) == kept

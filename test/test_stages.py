@@ -157,7 +157,7 @@ def test_sixty_four_newtons_on_a_saturated_skin_are_a_bound(pad):
 
 
 @pytest.mark.parametrize('ends', [NO_SIDE, SkinSide.FIRST_ROW, SkinSide.LAST_ROW], ids=['none', 'this', 'another'])
-def test_at_an_edge_the_force_is_whole_where_the_finger_ends_with_the_skin(pad, ends):
+def test_the_force_at_an_edge_is_exact_if_the_finger_ends_with_the_skin(pad, ends):
     found = pad.send(block(slice(0, 7)), ends=ends)
     assert found.contact.finger_ends == ends and found.shape.at_edge and found.shape.size_is_bound
     is_bound = ends != SkinSide.FIRST_ROW

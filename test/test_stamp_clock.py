@@ -33,7 +33,7 @@ def test_untouched_clocks_leave_stamps_as_they_are(hands):
     assert clock.now() == 1003 and clock.of(1002.75) == 1002.75 and clock.jumps == 0
 
 
-def test_a_thread_held_up_between_the_two_clocks_sees_no_jump(hands):
+def test_a_thread_delayed_between_the_two_clock_readings_sees_no_jump(hands):
     clock = hands.clock()
     read, delays = clock._wall, [0.3, 0.0, 0.5]
 
@@ -46,7 +46,7 @@ def test_a_thread_held_up_between_the_two_clocks_sees_no_jump(hands):
     assert clock.now() == pytest.approx(1001.5) and clock.now() == pytest.approx(1001.8) and clock.jumps == 0
 
 
-def test_set_back_stamps_go_on_evenly(hands):
+def test_stamps_continue_evenly_after_the_clock_is_set_back(hands):
     clock = hands.clock()
     hands.wait(1)
     assert clock.now() == 1001
@@ -75,7 +75,7 @@ def test_message_stamped_before_the_jump_and_read_after(hands):
         hands.wait(10)
 
 
-def test_set_forward_is_followed(hands):
+def test_stamps_follow_a_clock_that_is_set_forward(hands):
     clock = hands.clock()
     hands.wall += 500
     assert clock.now() == 1500 and clock.jumps == 1 and clock.ahead == 0

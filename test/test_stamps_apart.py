@@ -108,6 +108,6 @@ def test_the_topic_whose_stamps_are_farthest_is_shown():
     assert '/left/shape' in status.message and '/right/shape' in status.message
 
 
-def test_what_has_stopped_is_silent_and_no_more():
+def test_a_stopped_publisher_is_reported_only_as_silent():
     status = status_of(7.0, received=4)
     assert (status.level, values_of(status)['faults']) == (STALE, 'SILENT')

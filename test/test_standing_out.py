@@ -56,7 +56,7 @@ def test_the_outline_is_at_half_of_the_local_level_under_tilt(height, tilt):
         np.testing.assert_array_equal(pressed[is_clear], inside[is_clear])
 
 
-def test_of_a_contact_with_a_hard_edge_all_taxels_are_pressed_and_no_others():
+def test_exactly_the_taxels_of_a_contact_with_a_hard_edge_are_pressed():
     rng = np.random.default_rng(2)
     for rows, cols in ((2, 2), (4, 7), (12, 12), (1, 9), (16, 9)):  # The largest contact covers 56 % of the pad.
         mask = box(2 if rows < 16 else 0, 2, rows, cols)
@@ -71,7 +71,7 @@ def test_a_weak_taxel_between_stays_pressed_a_little_longer():
         assert found(values)[6, 6] == first and found(values, before=mask)[6, 6] == held
 
 
-def test_what_is_pressed_stays_so_a_little_longer():
+def test_a_pressed_taxel_stays_pressed_a_little_longer():
     values = 100.0 * box(4, 4, 6, 6)
     for level, first, held in ((48.0, False, True), (52.0, True, True), (40.0, False, False)):
         values[4, 10] = level
@@ -100,7 +100,7 @@ def test_a_unit_has_a_least_value_and_each_taxel_its_own_noise():
     np.testing.assert_array_equal(found(values, loud), box(10, 10, 3, 3))
 
 
-def test_what_has_no_value_is_not_pressed_and_tears_nothing_away():
+def test_taxels_without_a_value_are_not_pressed_and_do_not_split_the_contact():
     values = 100.0 * box(4, 4, 6, 6)
     values[6] = np.nan
     values[12, 12] = np.inf
@@ -221,7 +221,7 @@ def test_idle_counts_press_nothing_and_a_light_contact_on_them_is_found(deviatio
 
 
 @pytest.mark.parametrize('before', [None, 0.0, 0.04])
-def test_a_wide_halo_is_no_contact_whatever_rested_before(before):
+def test_a_wide_halo_is_not_a_contact_after_any_earlier_contact(before):
     y, x = np.mgrid[:9, :16]
     away = np.hypot(np.maximum(np.abs(y - 4) - 2, 0), np.maximum(np.abs(x - 11) - 2, 0))
     frame = np.where(away == 0, 1.0, 0.04 + 0.3 / (1 + away ** 2 / 9) ** 1.5)

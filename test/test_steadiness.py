@@ -75,7 +75,7 @@ def test_a_steady_creep_never_rests(rate, pitch, noise, step, speed):
 @pytest.mark.slow
 @pytest.mark.parametrize('rate', RATES)
 @cases(0.0, REST)
-def test_what_rests_is_seen_to_and_stays_so_for_a_minute(rate, pitch, noise, step, speed):
+def test_a_resting_contact_is_recognised_and_keeps_resting_for_a_minute(rate, pitch, noise, step, speed):
     """A resting contact must be recognised as resting within 1 s plus 0.7 s per mm of pitch.
 
     The tracker needs this time to distinguish rest from creep.

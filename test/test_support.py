@@ -88,7 +88,7 @@ def fragment(rng):
 
 
 @pytest.mark.parametrize(('draw', 'right'), [(speckled_square, {Shape.SQUARE}), (fragment, set())])
-def test_hardly_a_name_is_sure_and_wrong(draw, right):
+def test_confident_names_are_hardly_ever_wrong(draw, right):
     """At most one of 40 reported classes may be both confident and wrong.
 
     Without the check, the network reports 7 confident but wrong classes for the squares, and 6 for the fragments.
@@ -110,7 +110,7 @@ def of(taxels):
     (abs(np.hypot(Y - 15, X - 15) - 7) < 1.5, UnknownReason.HOLLOW),
     (np.hypot(Y, X - 15) < 8, UnknownReason.CUT_BY_EDGE),
     ((abs(Y - 15) < 2) & (abs(X - 15) < 9) | (abs(X - 15) < 2) & (abs(Y - 15) < 9), UnknownReason.UNFAMILIAR)])
-def test_a_contact_that_is_none_of_the_shapes_says_why(taxels, reason):
+def test_a_contact_of_an_unknown_shape_has_a_reason(taxels, reason):
     if reason is UnknownReason.SEVERAL_PARTS:
         labels = ndimage.label(taxels)[0]
         pattern = of(taxels)._replace(mask=labels == 1, contacts=int(labels.max()))

@@ -114,7 +114,7 @@ def patient(monkeypatch):
 @pytest.mark.parametrize('stall', [STALL, 0.03])
 @pytest.mark.parametrize('one_clock', [True, False])
 @pytest.mark.parametrize('where', ['before', 'after'])
-def test_a_write_held_up_leaves_no_taxels_with_a_wrong_stamp(tmp_path, patient, where, one_clock, stall):
+def test_a_delayed_write_leaves_no_taxels_with_a_wrong_stamp(tmp_path, patient, where, one_clock, stall):
     with HeldUp(tmp_path, one_clock) as held:
         held.sync(3)
         setattr(held.bus, where, lambda: held.hands.wait(stall))

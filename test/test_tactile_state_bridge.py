@@ -50,7 +50,7 @@ def test_places_without_a_taxel_leave_no_pad_out(tactile_state_message):
     assert bridge.tactile_state(taxels(), 'left', bridge.LEAVE_OUT) is not None
 
 
-def test_the_node_sends_each_pad_and_drops_what_is_malformed(ros, tactile_state_message, monkeypatch):
+def test_the_node_sends_each_pad_and_drops_malformed_messages(ros, tactile_state_message, monkeypatch):
     bench, heard, create_publisher = RosBench(ros), [], Node.create_publisher
 
     def create(node, kind, topic, *given, **options):
@@ -75,7 +75,7 @@ def test_the_node_sends_each_pad_and_drops_what_is_malformed(ros, tactile_state_
         bridge.make_node(parameter_overrides=[Parameter('nan', value='zero')])
 
 
-def test_without_tactile_msgs_it_says_what_is_missing():
+def test_the_bridge_names_a_missing_tactile_msgs():
     program = ('import sys, runpy; sys.modules["tactile_msgs"] = None; '
                f'runpy.run_path({str(PATH)!r}, run_name="__main__")')
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)

@@ -147,7 +147,7 @@ def test_a_device_that_zeroes_nothing_leaves_the_tare_before():
     assert pad.feed(frame([[4.0]])).values.tolist() == [[1.0]] and pad.zero_state is ZeroState.VALID
 
 
-def test_of_a_device_that_zeroes_itself_in_part_no_value_is_valid_until_the_next_tare():
+def test_a_partly_zeroed_device_has_no_valid_value_until_the_next_tare():
     pad = TaredPad(GUARD)
     tared(pad, [frame([[3.0]])], 3)
     error = tared(pad, [frame([[3.0]])], 3, zero_device=refuses(HalfZeroedError))
@@ -219,7 +219,7 @@ def tared_with_any_limit(readings, unit='Pa', zero=0.0, gains=1.0, noise=0.01):
     ('at start-up, hidden in a low offset', {'readings': -20e3 + 35e3 * OBJECT}),
     ('lighter than a contact, but it stands out', {'readings': 15e3 * OBJECT}),
     ('a weak taxel that its gain makes a contact', {'readings': 5e3 * OBJECT, 'gains': np.full((SIDE, SIDE), 10.0)})])
-def test_a_contact_is_never_tared_away_whatever_the_limit(what, given):
+def test_a_contact_is_never_tared_away_at_any_limit(what, given):
     """If a contact were tared away, the planner would see an empty gripper."""
     with pytest.raises(TareRefusedError) as refused:
         tared_with_any_limit(**given)
@@ -240,7 +240,7 @@ def test_a_contact_that_is_seen_in_a_part_of_the_frames_is_one(how):
 
 @pytest.mark.slow
 @pytest.mark.parametrize('spread', [0.0, 1e3, 3e3])
-def test_offsets_are_no_contact(spread):
+def test_offsets_are_not_a_contact(spread):
     """For each kind of offset, the test draws a hundred pads without using the code under test.
 
     The pads have scattered offsets, a common offset, or a tilt.

@@ -93,14 +93,14 @@ def test_a_stuck_taxel_stays_so_within_a_contact_and_while_another_begins_to_fli
     assert pad.detector.faults.places(FLICKERING) == [(9, 9)]
 
 
-def test_as_many_taxels_as_make_a_contact_are_an_object_however_still():
+def test_enough_taxels_for_a_contact_are_an_object_even_if_their_values_stay_the_same():
     row = (5, slice(5, 8))
     pad = Pad(setting(row, 42.0), noise=0.0)
     pad.touches(*places())
     assert not pad.ever.any()
 
 
-def test_a_dead_column_is_found_where_it_was_touched():
+def test_a_dead_column_is_found_in_its_touched_part():
     masks = places(20)
     found = Pad(setting((slice(None), 6), 0.0)).touches(*masks)
     reached = {(row, 6) for row in range(4, 8)}
@@ -113,7 +113,7 @@ def test_flickering_is_taken_back_when_it_ends():
     assert pad.frames(still, 100).total == 1 and pad.frames(still, 1000).total == 0
 
 
-def test_a_sign_of_life_takes_the_verdict_back():
+def test_a_sign_of_life_clears_the_fault():
     pad = Pad(lambda values, n: setting((5, 6), 0.0)(values, n) if n < 160 else values)
     assert pad.touches(*places()).places(DEAD) == [(5, 6)]
     assert pad.touches(disc(5, 6, 3)).total == 0
@@ -139,7 +139,7 @@ def test_healthy_pads_stay_unsuspected():
 
 @pytest.mark.parametrize('hole', [1.2, 1.6, 2.1])
 @pytest.mark.parametrize('scatter', [0.5, 1.5])
-def test_a_ring_that_comes_back_a_little_beside_is_no_fault(hole, scatter):
+def test_a_ring_that_returns_slightly_displaced_causes_no_fault(hole, scatter):
     random = np.random.default_rng(9)
     pad = Pad()
     pad.touches(*[disc(*random.normal(6, scatter, 2), hole + 2, hole=hole) for _ in range(200)], press=4, pause=4)
@@ -156,7 +156,7 @@ def test_a_taxel_that_sticks_in_a_touch_is_found_by_the_next_ones_in_the_same_pl
     assert found.places(STUCK) == stuck and found.total == len(stuck)
 
 
-def test_frames_without_values_are_no_evidence():
+def test_frames_without_values_add_no_evidence():
     pad = Pad(lambda values, n: np.where(n % 3 == 0, np.nan, values))
     pad.touches(*places())
     assert not pad.ever.any()
@@ -190,7 +190,7 @@ def test_known_taxels_are_nan_from_the_first_frame_with_their_reason():
     assert pad.faults.total == 2
 
 
-def test_what_is_found_is_masked_only_on_request():
+def test_detected_faults_are_masked_only_on_request():
     pad = ConditionedPad(TaredPad(GUARD), FaultDetector(2, 2, LIMIT), known())
     pad.detector.update = lambda *_: known((0, 1, DEAD))
     assert pad.feed(frame([[1, 2], [3, 4]])).values.tolist() == [[1, 2], [3, 4]] and pad.faults.total == 1
@@ -225,7 +225,7 @@ def test_a_weak_taxel_is_not_dead():
     assert not pad.ever.any()
 
 
-def test_gains_act_on_what_is_above_zero():
+def test_gains_multiply_the_readings_above_the_zero():
     tared, gains = TaredPad(GUARD), np.array([[1, 2], [0.5, 4]], np.float32)
     tared.offset = np.full((2, 2), 10, np.float32)
     pad = ConditionedPad(tared, FaultDetector(2, 2, LIMIT), known((1, 1, DEAD)), gains)
@@ -280,7 +280,7 @@ def test_bad_files_of_faults(tmp_path, content, says):
         load_faults(path, {'left': (2, 2)})
 
 
-def test_a_pad_that_repeats_itself_to_the_bit_is_frozen_on_request():
+def test_a_pad_that_repeats_identical_values_is_frozen_on_request():
     pad, random = ConditionedPad(TaredPad(GUARD), FaultDetector(2, 2, LIMIT), known()), np.random.default_rng(2)
     last = random.standard_normal((2, 2))
     live = [frame(random.standard_normal((2, 2)))._replace(stamp=0.02 * n) for n in range(50)]

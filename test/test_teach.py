@@ -60,7 +60,7 @@ def test_a_table_has_the_taught_shapes_too(file, tmp_path, capsys, options):
     assert 'cross' in {row['shape'] for row in rows}
 
 
-def test_a_cross_is_recognised_where_no_frame_of_the_touch_was_taught(file):
+def test_a_cross_is_recognised_in_touches_that_were_not_taught(file):
     recogniser, rng = Recogniser(file=file), rng_of(10)
     found = [recogniser.recognise(find_contact(50e3 * cross(rng))) for _ in range(60)]
     assert sum(each.shape == TaughtShape('cross') for each in found) >= 57
@@ -104,7 +104,7 @@ def test_frames_that_show_no_shape_are_counted_by_reason():
     assert set(TouchFinder('Pa').find(held(rng_of(25), lambda rng: disc(rng, 1.0), 2)).unused) == {Unused.TOO_SMALL}
 
 
-def test_live_a_touch_counts_when_it_was_steady_and_lifted():
+def test_a_live_touch_counts_once_it_was_steady_and_lifted():
     frames, rng = SimpleQueue(), rng_of(26)
     for _ in range(25):
         frames.put(1e3 + 100 * rng.standard_normal((PAD, PAD)))  # These frames show the values of the skin at rest.
@@ -153,7 +153,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize('change', HOSTILE.values(), ids=HOSTILE)
-def test_a_file_that_is_no_taught_file_is_refused_with_our_error(arrays, change, tmp_path):
+def test_a_file_without_taught_shapes_is_refused_with_our_error(arrays, change, tmp_path):
     path = tmp_path / 'hostile.npz'
     with np.errstate(all='ignore'):
         np.savez(path, **change(arrays))
@@ -187,7 +187,7 @@ def recordings(tmp_path_factory):
     return folder
 
 
-def test_the_command_refuses_what_is_not_good_enough_unless_it_is_accepted(recordings, capsys, monkeypatch, background):
+def test_the_command_refuses_poor_recognition_unless_it_is_accepted(recordings, capsys, monkeypatch, background):
     monkeypatch.setattr('tactile_node.cli.teach.load_background', lambda kind: background)
     output, picture = recordings / 'own.npz', recordings / 'confusion.png'
     given = ['teach', '--name', 'coin', '--from', str(recordings / 'discs.npy'), '--output', str(output)]
@@ -205,7 +205,7 @@ def test_the_command_refuses_to_overwrite_an_input_before_any_touch_is_recorded(
     assert main(['teach', '--name', 'coin', '--model', str(file), '--output', str(file)]) == 2
 
 
-def test_live_the_recording_that_is_reported_is_the_one_that_was_written(tmp_path, monkeypatch):
+def test_the_recording_that_a_live_session_reports_is_the_one_that_was_written(tmp_path, monkeypatch):
     """The log of an earlier session keeps its file name.
 
     A new session must not use the earlier log, even after Ctrl-C.

@@ -104,17 +104,17 @@ def test_transforms_that_stop_leave_no_opening_though_others_continue(robot):
     assert robot.send(transform('left_finger', 'hand', y=-0.01)).gap == pytest.approx(0.030 - 0.012)
 
 
-def test_frames_that_no_joint_moves_are_no_opening(robot):
+def test_frames_that_no_joint_moves_give_no_opening(robot):
     for each in fingers(0.02, 0.02):
         robot.send(each, static=True)
     assert robot.current() is UNKNOWN_OPENING
 
 
-def test_a_finger_on_the_wrong_side_is_no_opening(robot):
+def test_a_finger_on_the_wrong_side_gives_no_opening(robot):
     assert robot.send(*fingers(-0.05, -0.05)) is UNKNOWN_OPENING
 
 
-def test_transforms_that_were_held_back_are_no_opening(robot):
+def test_transforms_that_were_held_back_give_no_opening(robot):
     shift = 1.7e9 - time.monotonic()
     opening, end = UNKNOWN_OPENING, time.monotonic() + TIMEOUT
     while isnan(opening.gap):  # The loop ends when the node has found the smallest transport delay.

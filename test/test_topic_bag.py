@@ -142,7 +142,7 @@ def test_a_bag_may_be_read_again(tmp_path):
     assert len(frames_in(reader)) == len(frames_in(reader)) == 5
 
 
-def test_ages_of_a_snapshot_come_along(tmp_path):
+def test_the_ages_of_a_snapshot_are_read_from_the_bag(tmp_path):
     changed = {'tpdo_ages': np.array([0, 0.5], np.float32), 'taxel_tpdos': np.array([0, 0, 0, 1, 1, 1], np.uint16)}
     frame, = frames_in(TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed))))
     assert frame.tpdo_ages.of(1, 2) == 0.5 and frame.tpdo_ages.of(0, 0) == 0
@@ -181,7 +181,7 @@ def test_a_bag_without_definitions_is_read_by_ours(tmp_path):
     assert len(frames_in(TopicBagReader(file))) == 2
 
 
-def test_a_bag_cut_short_gives_what_is_whole_and_says_so(tmp_path):
+def test_a_truncated_bag_yields_its_intact_part_and_reports_the_damage(tmp_path):
     path = tmp_path / 'x.mcap'
     size = mcap_file(path, [taxel_array(store(), k) for k in range(4)], '/robot/left/taxels')
     path.write_bytes(path.read_bytes()[:size - 10])
@@ -201,7 +201,7 @@ def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed)
     assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.INCONSISTENT: 1}
 
 
-def test_a_message_that_is_none_is_counted_not_given(tmp_path):
+def test_a_malformed_message_is_counted_and_not_returned(tmp_path):
     """One of these messages claims to have more bytes than it contains."""
     whole = bytes(store().serialize_cdr(taxel_array(store(), 0), TAXELS))
     huge = whole.replace(struct.pack('<I', 6) + struct.pack('<f', 1), struct.pack('<If', 2**32 - 1, 1))
@@ -211,7 +211,7 @@ def test_a_message_that_is_none_is_counted_not_given(tmp_path):
     assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.UNDECODABLE: 4}
 
 
-def test_what_a_bag_holds_is_known_without_reading_it(tmp_path):
+def test_the_topics_of_a_bag_are_known_without_reading_its_messages(tmp_path):
     ours = bag(tmp_path / 'ours', arrays(1))
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     types.register(typesys.get_types_from_msg('uint32 id', CAN_TYPE))
@@ -228,7 +228,7 @@ def test_what_a_bag_holds_is_known_without_reading_it(tmp_path):
 
 
 @pytest.mark.parametrize('name', ['x.mcap', 'x.db3'])
-def test_a_file_that_is_no_bag_is_an_error(tmp_path, name):
+def test_a_file_that_is_not_a_bag_is_an_error(tmp_path, name):
     (tmp_path / name).write_bytes(b'no bag at all')
     with pytest.raises(LogError, match='no readable topic'):
         TopicBagReader(tmp_path / name)

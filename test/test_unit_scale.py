@@ -73,7 +73,7 @@ def test_the_command_and_nodes_doubt_counts_of_more_bits_that_the_library_lets_p
 
 
 @pytest.mark.parametrize('options', [(), ('--fuse', '--period', '0.02')])
-def test_the_command_warns_once_where_counts_are_given_as_pascal(tmp_path, capsys, options):
+def test_the_command_warns_once_if_counts_are_given_as_pascal(tmp_path, capsys, options):
     path = str(tmp_path / 'frames.npy')
     np.save(path, np.array(3 * [BYTES]))
     found = {}

@@ -1,4 +1,5 @@
-"""The pad frames of the gripper macro are checked by hand, and the grasp node must agree with these frames."""
+"""The pad frames of the gripper macro equal values computed by hand, and the grasp node must agree with these
+frames."""
 
 from math import pi
 

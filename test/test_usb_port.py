@@ -67,7 +67,7 @@ def test_another_adapter_under_its_name_is_another_bus(plugged):
 
 
 @pytest.mark.parametrize('serial_number', [None, '0001'])
-def test_of_two_that_cannot_be_told_apart_the_one_at_its_place_is_it(plugged, serial_number):
+def test_the_port_decides_between_two_indistinguishable_adapters(plugged, serial_number):
     first, second = usb('/dev/ttyACM0', serial_number, '1-2'), usb('/dev/ttyACM1', serial_number, '1-3')
     port = opened(plugged, first, second)
     plugged.append(second)
@@ -76,13 +76,13 @@ def test_of_two_that_cannot_be_told_apart_the_one_at_its_place_is_it(plugged, se
     assert port.channel() == '/dev/ttyACM5@115200'
 
 
-def test_of_an_adapter_with_two_ports_the_same_one_is_opened(plugged):
+def test_the_same_port_of_an_adapter_with_two_ports_is_opened(plugged):
     port = opened(plugged, usb('/dev/ttyACM0', location='1-2:1.0'), usb('/dev/ttyACM1', location='1-2:1.2'))
     plugged += [usb('/dev/ttyACM2', location='1-4:1.2'), usb('/dev/ttyACM3', location='1-4:1.0')]
     assert port.channel() == '/dev/ttyACM3@115200'
 
 
-def test_a_port_that_is_no_usb_device_keeps_its_name(plugged):
+def test_a_port_that_is_not_a_usb_device_keeps_its_name(plugged):
     port = opened(plugged, usb('/dev/ttyACM0'), channel='/dev/ttyS0')
     plugged.append(usb('/dev/ttyACM1'))
     assert port.channel() == '/dev/ttyS0'

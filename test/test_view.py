@@ -57,7 +57,7 @@ class Terminal(io.StringIO):
 # --- The store
 
 
-def test_what_is_not_looked_at_is_replaced_and_the_history_is_bounded():
+def test_unread_states_are_replaced_and_the_history_is_bounded():
     store = Store(['left'])
     for k in range(5 * MOST_FORCE_POINTS):
         store.put(state(stamp=0.001 * k))
@@ -102,7 +102,7 @@ def test_the_outline_lies_on_the_taxels_that_it_encloses():
 
 
 @pytest.mark.parametrize('shape', ['unknown', 'none'])
-def test_what_has_no_shape_has_no_outline_and_no_size(shape):
+def test_a_contact_without_a_shape_has_no_outline_and_no_size(shape):
     shown = pads_html([drawn(0.1, shape=shape)], 1)
     assert '<polygon' not in shown and 'side' not in shown
 
@@ -204,7 +204,7 @@ def test_a_pad_is_live_by_its_newest_valid_taxel(age, taxel, is_live):
     assert not Scales().drawn('left', None, age).is_live
 
 
-def test_a_dead_skin_of_which_frames_come_is_not_live():
+def test_a_dead_skin_that_still_sends_frames_is_not_live():
     """The driver continues to publish frames with current stamps, but every taxel is NaN."""
     dead = drawn(0.05, values=np.full((4, 4), NAN))
     shown = pads_html([dead], 1)
@@ -214,7 +214,7 @@ def test_a_dead_skin_of_which_frames_come_is_not_live():
     assert 'NOT LIVE</b>' in status and 'left: no valid taxels; right: no valid taxels' in status
 
 
-def test_live_is_said_of_all_pads_or_of_the_one():
+def test_the_word_live_applies_to_all_pads_or_to_one_pad():
     live, dead = drawn(0.05), drawn(0.05, values=np.full((4, 4), NAN))._replace(name='right')
     assert '>LIVE</b>' in status_html(LIVE, [live, live], 0, 1)
     status = status_html(LIVE, [live, dead], 0, 1)
@@ -227,7 +227,7 @@ def rows_of(table):
     return dict(row.removesuffix('</td></tr>').split('</td><td>') for row in re.findall('<td>(.*?</td></tr>)', table))
 
 
-def test_nothing_but_pads_and_status_line_says_whether_a_pad_is_live():
+def test_only_pads_and_status_line_show_whether_a_pad_is_live():
     """All other parts of the page are updated less often.
 
     When a pad fails or returns, outdated parts would contradict the pads and the status line.
@@ -302,13 +302,13 @@ def test_a_browser_hides_a_grasp_by_its_own_age(pads):
     assert left == pytest.approx(OLD_AGE - FRAME_TIME - 0.4 + 0.3, abs=0.1)
 
 
-def test_what_a_source_has_shown_is_forgotten_when_it_stops():
+def test_a_source_forgets_its_data_when_it_stops():
     store = Store(['left'])
     store.put(state())
     store.put_grasp(HELD)
     store.clear()
     assert store.shown().grasp is None and store.shown().pads == {'left': None}
-    assert 'this source has none' in macros().grasp(store.shown().grasp, NAN, NAN)
+    assert 'this source has no grasp' in macros().grasp(store.shown().grasp, NAN, NAN)
 
 
 # --- The 3-D view
@@ -320,7 +320,7 @@ def test_the_sketch_is_covered_unless_it_is_current_by_its_own_receipt(age, is_c
     assert ('tactile-scene-current' in shown) is is_current
 
 
-def test_stamps_of_another_time_are_said_to_be_a_replay():
+def test_stamps_of_another_time_are_reported_as_a_replay():
     """A replay publishes stamps from its log, which lie in the past."""
     behind = clock_difference([drawn(0.1, stamp=1000.0)], 8200.1)
     assert behind == pytest.approx(7200)
@@ -330,7 +330,7 @@ def test_stamps_of_another_time_are_said_to_be_a_replay():
     assert np.isnan(clock_difference([drawn(9.0, stamp=1000.0)], 8200.1))
 
 
-def test_a_status_that_is_no_longer_sent_is_called_old():
+def test_a_status_that_is_no_longer_sent_is_marked_as_old():
     """The driver died after its last message, which reported no failure."""
     well = BusFacts('', 0.1, {}, ())
     assert 'OLD: nothing newer for 12 s' in health_table(well, 12.0) and 'OLD' not in health_table(well, 1.1)
@@ -368,7 +368,7 @@ def test_a_loss_is_red_for_a_minute():
     assert 'class=bad' in health_table(later)  # For a recording, the table shows all losses since its beginning.
 
 
-def test_counters_that_begin_again_have_no_past():
+def test_restarted_counters_are_not_compared_with_earlier_ones():
     """The driver was restarted, so its 9 losses must not be read as 2 more than the 7 losses before."""
     history = HealthHistory()
     for stamp, facts in enumerate((counted(7, 5000), counted(9, 90), counted(12, 190))):
@@ -376,7 +376,7 @@ def test_counters_that_begin_again_have_no_past():
     assert rows_of(health_table(facts, before=before))['lost: late'] == '12 (3 in 1 s)'
 
 
-def test_what_is_lost_is_listed_by_reason():
+def test_losses_are_listed_by_reason():
     losses = dict.fromkeys(LossReason, 0) | {LossReason.LATE: 7}
     pad = PadStatistics(complete=9, incomplete=1, expected=100, received=99, used=92, pending=0, losses=losses)
     node = NodeHealth(32, 5, True, 0.1, NodeFault.TWO_SENDERS)
@@ -386,7 +386,7 @@ def test_what_is_lost_is_listed_by_reason():
     table = health_table(facts)
     for said in ('lost: late</td><td>7', '8 missing', 'queue overruns</td><td>3', 'wire cut', 'two devices send'):
         assert said in table
-    assert 'no status' in health_table(None)
+    assert 'no bus status' in health_table(None)
 
 
 # --- Recordings on disk
@@ -437,7 +437,7 @@ def test_a_terminal_shows_shape_and_size(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_name_is_no_command_to_the_terminal(monkeypatch):
+def test_a_name_is_not_a_command_to_the_terminal(monkeypatch):
     """A bag from another source may contain a name with control characters.
 
     The sequence ESC c would clear the terminal.

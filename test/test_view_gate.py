@@ -67,11 +67,11 @@ def test_web_pages_do_not_find_the_server_behind_the_gate(open_server):
 
 
 @pytest.mark.parametrize('target, more', [('//[', ''), ('/', f'{UPGRADE}Origin: http://[\r\n')])
-def test_an_address_that_is_none_is_answered(open_server, target, more):
+def test_an_unknown_address_gets_an_answer(open_server, target, more):
     assert ask(open_server.port, target, more=more)[0] == 400
 
 
-def test_a_second_request_on_one_connection_is_looked_at_too(open_server):
+def test_a_second_request_on_one_connection_is_checked_too(open_server):
     """The first request names this machine as its host, but the second request does not.
 
     The bytes of the second request must never reach the server of the page.
@@ -88,7 +88,7 @@ def test_a_second_request_on_one_connection_is_looked_at_too(open_server):
 @pytest.mark.parametrize('head', [b'GET /\r\n\r\n', b'\x16\x03\x01\r\n\r\n',
                                   b'POST / HTTP/1.1\r\nHost: localhost\r\n\r\n',
                                   b'GET / HTTP/1.1\r\nHost: localhost\r\nHost: evil\r\n\r\n', b'x' * 40000])
-def test_what_is_no_request_of_a_browser_is_refused(open_server, head):
+def test_data_that_is_not_a_browsers_request_is_refused(open_server, head):
     with socket.create_connection(('127.0.0.1', open_server.port), 5) as connection:
         connection.sendall(head)
         try:

@@ -79,7 +79,7 @@ def test_a_device_that_is_gone_is_reported_on_the_page(skin):
     source.stop()
 
 
-def test_a_log_is_sought_in(skin, tmp_path):
+def test_a_view_can_seek_in_a_log(skin, tmp_path):
     """The test records half a second of a live bus and then seeks in this log.
 
     At the beginning of the log, no taxels are known; later, the square is visible.
@@ -123,7 +123,7 @@ def test_a_gap_in_a_bag_is_not_shown_as_if_the_pad_were_read(tmp_path):
     source.close()
 
 
-def test_a_recording_that_cannot_be_read_to_its_end_says_so_and_ends(tmp_path):
+def test_a_recording_that_is_not_readable_to_its_end_reports_this_and_ends(tmp_path):
     bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), 1))])
     recording = BagRecording(str(tmp_path / 'bag'))
 
@@ -182,7 +182,7 @@ def test_the_command_shows_a_bag_on_a_pipe(tmp_path, capsys):
     (['no_such.log'], 'no_such.log'), (['x.log', '--interface', 'virtual'], '--interface'),
     (['--model', 'taught.npz'], '--model'), (['--full-scale', '0'], '--full-scale'),
     (['--interface', 'no_such_interface'], 'no_such_interface')])
-def test_what_cannot_be_shown_is_an_error(arguments, where, capsys):
+def test_a_source_that_cannot_be_shown_is_an_error(arguments, where, capsys):
     assert main(['view', '--port', '0', *arguments]) == 2
     assert where in capsys.readouterr().err
 

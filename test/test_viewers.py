@@ -101,7 +101,7 @@ def test_an_image_is_the_taxels_row_by_row_with_frame_and_stamp_unchanged():
     assert image.header == message.header
 
 
-def test_a_coloured_image_has_three_bytes_a_pixel_from_nothing_to_full_scale():
+def test_a_coloured_image_has_three_bytes_for_each_pixel_from_0_to_full_scale():
     message = taxels([[0, 100e3, NAN], [200e3, -5, 90e3]], saturated=[(1, 2)])
     image = colour_image(message, ColourScale(100e3))
     assert (image.height, image.width, image.encoding, image.step) == (2, 3, 'rgb8', 9)
@@ -140,7 +140,7 @@ def wrench(message: TaxelArray) -> list[float]:
     return six(found)
 
 
-def test_what_presses_pushes_into_the_skin_with_its_torques_about_taxel_0_0():
+def test_a_contact_pushes_into_the_skin_with_torques_about_taxel_0_0():
     # For 3x5 taxels of 2 mm at 50 kPa, the force is 15 * 4e-6 m^2 * 50e3 Pa = 3 N at x = 9 * 2 mm, y = 4 * 2 mm.
     assert wrench(taxels(pressed((3, 7, 3, 5)))) == pytest.approx([0, 0, -3.0, -3.0 * 0.008, 3.0 * 0.018, 0])
 
@@ -160,7 +160,7 @@ def test_a_dead_taxel_inside_a_contact_counts_with_its_neighbours():
     assert wrench(taxels(pressed((3, 7, 3, 5), hidden=[(4, 9, 1, 1)])))[2] == pytest.approx(-3.0)
 
 
-def test_what_presses_at_an_edge_is_known_where_the_finger_ends_with_the_skin():
+def test_the_wrench_at_an_edge_is_known_if_the_finger_ends_with_the_skin():
     message = taxels(pressed((0, 7, 3, 5)))
     assert all(map(math.isnan, wrench(message)))
     message.finger_ends = message.FIRST_ROW
@@ -179,7 +179,7 @@ def test_an_empty_pad_that_was_seen_has_no_force():
     taxels(pressed((3, 7, 4, 4)), saturated=[(4, 8)]),  # The force on the saturated taxel may exceed its reading.
     taxels(pressed((3, 7, 4, 4), value=1.0), unit='1'),
     taxels(pressed(), unit='1')], ids=['room', 'silent', 'elsewhere', 'beside', 'saturated', 'on_off', 'on_off_empty'])
-def test_a_force_that_is_not_known_is_no_number(message):
+def test_an_unknown_force_is_nan(message):
     assert all(map(math.isnan, wrench(message)))
 
 

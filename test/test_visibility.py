@@ -21,7 +21,7 @@ def visibility(frame, smallest=4, **masks):
     ([(2, 2), (2, 3), (3, 2), (3, 3)], 4), ([(2, 0), (2, 1), (2, 2), (2, 3)], 4),
     # The hidden taxels form an oblique line in the first case, and a group of three with a single taxel in the second.
     ([(0, 0), (1, 1), (2, 2), (3, 3)], 4), ([(0, 0), (0, 1), (0, 2), (4, 4)], 3),
-    ([(0, 0), (0, 2), (2, 0), (2, 2), (4, 4)], 1)])  # Scattered taxels.
+    ([(0, 0), (0, 2), (2, 0), (2, 2), (4, 4)], 1)])  # The hidden taxels are scattered.
 def test_a_pad_is_seen_unless_a_group_of_hidden_taxels_has_room_for_the_smallest_contact(hidden, least):
     taxels, nothing = np.zeros((6, 6), bool), np.zeros((6, 6), bool)
     for place in hidden:
@@ -46,7 +46,7 @@ def test_hidden_taxels_in_a_contact_and_around_it():
     frame = np.zeros((9, 9))
     frame[2:7, 2:6] = 9
     assert visibility(frame)[3:6] == (0, 0, 22)
-    # Of the hidden taxels, one lies within the contact, two at its corners, and one far away.
+    # One hidden taxel lies within the contact, two lie at its corners, and one lies far away.
     frame[4, 3] = frame[1, 1] = frame[7, 6] = frame[0, 8] = NAN
     found = visibility(frame)
     assert (found.hidden, found.hidden_in_contact, found.hidden_in_ring, found.ring) == (4, 1, 2, 22)
@@ -55,11 +55,11 @@ def test_hidden_taxels_in_a_contact_and_around_it():
 
 
 @pytest.mark.parametrize(('hidden', 'expected'), [
-    ([(2, 6)], False), ([(2, 6), (3, 6)], True),  # Two hidden taxels are a tenth of the contact's twenty.
+    ([(2, 6)], False), ([(2, 6), (3, 6)], True),  # Two hidden taxels are a tenth of the contact's twenty taxels.
     ([(2, 6), (2, 7)], True),  # One of the two hidden taxels lies in the ring.
     ([(2, 8), (3, 8), (4, 8), (5, 8)], False),  # These hidden taxels lie beyond the ring.
-    ([(1, 1), (7, 6), (8, 8), (0, 4), (4, 3)], False)])  # Scattered taxels.
-def test_a_contact_may_continue_where_a_group_of_hidden_taxels_has_room_for_one(hidden, expected):
+    ([(1, 1), (7, 6), (8, 8), (0, 4), (4, 3)], False)])  # The hidden taxels are scattered.
+def test_a_contact_may_continue_under_a_group_of_hidden_taxels_with_room_for_one(hidden, expected):
     frame = np.zeros((9, 9))
     frame[2:7, 2:6] = 9
     for place in hidden:

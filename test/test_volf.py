@@ -95,7 +95,7 @@ def test_nothing_is_none_and_little_is_unknown(classifier):
     (ONE_PLANE % '[a, b], vertical: [b, c], knots: [1, 2, 3]', 'as many levels'),
     (ONE_PLANE % '[a, b], vertical: [b, c], knots: [.nan, 1]', 'finite'),
     (ONE_PLANE % '[a, b], vertical: [b, c], knots: [2, 1]', 'do not rise')])
-def test_curves_that_are_none_are_refused(tmp_path, content, message):
+def test_impossible_curves_are_refused(tmp_path, content, message):
     path = tmp_path / 'curves.yaml'
     if content is not None:
         path.write_text(content)
@@ -107,7 +107,7 @@ def test_curves_that_are_none_are_refused(tmp_path, content, message):
     (lambda shares: shares.pop('circle'), 'circle'),
     (lambda shares: shares['circle'].pop(), 'written by'),
     (lambda shares: shares['circle'][0].__setitem__(0, -1.0), 'probabilities')])
-def test_shares_that_are_none_are_refused(tmp_path, change, message):
+def test_impossible_shares_are_refused(tmp_path, change, message):
     data = yaml.safe_load(config_path('volf_curves.yaml').read_text())
     change(data['shares'])
     path = tmp_path / 'curves.yaml'

@@ -145,7 +145,7 @@ def test_simulated_devices_keep_the_time_of_the_other_model(node_ids, load):
     assert (load > 1) == any(len(node.answered) < 60 for node in nodes)
 
 
-def test_what_the_wire_carries_is_assembled_in_virtual_time():
+def test_the_frames_on_the_wire_are_assembled_in_virtual_time():
     """With the most stuff bits, two pads use 98 % of the wire's capacity.
 
     Each sweep must arrive complete, with the values of its own SYNC.

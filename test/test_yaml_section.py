@@ -19,7 +19,7 @@ def written(folder, text):
     # The reader refuses a file of this size, because no skin needs it.
     ('rows: [' + '1, ' * MOST_BYTES + '1]', 'a larger file')],
     ids=['no date', 'a list', 'a key twice', 'cut', 'too large'])
-def test_a_file_that_is_no_mapping_is_refused_by_name(text, got, tmp_path):
+def test_a_file_that_is_not_a_mapping_is_refused_by_name(text, got, tmp_path):
     path = written(tmp_path, text)
     with pytest.raises(ConfigurationError) as refused:
         load_mapping(path, 'a skin layout')
@@ -32,7 +32,7 @@ def test_a_missing_file_is_refused_by_name(tmp_path):
     assert refused.value.where == str(tmp_path / 'missing.yaml')
 
 
-def test_a_value_that_is_no_list_is_refused_by_key(tmp_path):
+def test_a_value_that_is_not_a_list_is_refused_by_key(tmp_path):
     with pytest.raises(ConfigurationError) as refused:
         load_mapping(written(tmp_path, 'nodes: 3'), 'a skin layout').sequence('nodes')
     assert 'nodes' in refused.value.where and refused.value.expected == 'a list'
@@ -48,7 +48,7 @@ def nested(depth):
 @pytest.mark.parametrize(('text', 'most'), [
     ('rows: 0x' + 'F' * 20_000, 100), ('rows: ' + ':'.join(['59'] * 4_000), 100), ('rows: ' + '9' * 5_000, 200),
     (nested(30), 100)], ids=['hexadecimal', 'sexagesimal', 'decimal', 'aliases'])
-def test_a_value_without_end_is_refused_in_a_short_sentence(text, most, tmp_path):
+def test_an_endless_value_is_refused_in_a_short_sentence(text, most, tmp_path):
     """In an earlier version, reporting such a value either raised a ValueError or listed 9 ** 30 values."""
     with pytest.raises(ConfigurationError) as refused:
         load_mapping(written(tmp_path, text), 'a skin layout').integer('rows', 1, 1024)

@@ -65,7 +65,7 @@ def text(imports: dict[str, list[str]]) -> str:
 
 
 def draw(imports: dict[str, list[str]], path: Path) -> None:
-    from matplotlib.figure import Figure  # imported here, because the test of the imports needs no picture
+    from matplotlib.figure import Figure  # a late import, because the test of the imports needs no picture
     figure = Figure(figsize=(13, 10))
     axes = figure.subplots()
     for room, found in direct(imports).items():

@@ -37,7 +37,7 @@ class Measured(NamedTuple):
     """Measured result of one cell."""
 
     cell: Cell
-    rates: dict[str, Rate]       #: by contestant
+    rates: dict[str, Rate]       #: rate of each contestant
     by_shape: dict[str, Rate]    #: rate of our method for each shape
     better: str                  #: the better anchor
     p_value: float               #: p-value of "at most BEHIND worse than the better anchor", for this cell alone

@@ -33,7 +33,7 @@ class Stamp(NamedTuple):
 
 
 def drawn(name: str, rng: np.random.Generator, drawing: Drawing, limits: Limits = ANY) -> Stamp:
-    """Draw a figure with any overlap. Draw again while the figure is in pieces or touches the edge of the square."""
+    """Draw a figure with any overlap, again until it is in one piece and does not touch the edge of the square."""
     x, y = points()
     while True:
         filled = drawing(rng, x, y)

@@ -38,7 +38,7 @@ KNOWN = (
          lambda row: row['labelled'] != 'unclear'),
     View('By size', 'The frames are clean. Each cell shows the share of {patterns} frames that is recognised by ours '
          '/ CNN / contours + trees.', 'Clean frames', ('area',), across('frames', THREE)),
-    View('Expected calibration error', 'This is the error for the same frames, over all sizes, with 15 bins.',
+    View('Expected calibration error', 'The same frames are used, with all sizes together and 15 bins.',
          'Expected calibration error', ('frames',), names('ours', 'CNN', 'contours + trees')),
     View('Contact mechanics', 'Computed indenters press an elastic half-space with a mean pressure of 5 to 80 % of '
          'full scale. The library evaluates the frames without options. There are {patterns} flat punches in each '
@@ -75,28 +75,29 @@ OTHERS = (
     View('Nothing presses', 'The sequences have 50 frames at 50 Hz, on square pads with 8 to 64 taxels per side. Each '
          'row has {frames} frames. *Called a shape* is the share of single frames that are reported as one of the five '
          'shapes, with its 95 % interval. Left-over taxels are known only from earlier frames, so their frames are '
-         'processed in sequence. *On the topic* is the longest time for which a stream of frames has a shape, when it '
-         'is processed as in the nodes. Required: at most 0.1 % and 0.1 s.', 'Nothing presses', ('kind',),
+         'processed in sequence. *On the topic* is the longest time for which the nodes would report a shape in a '
+         'stream of frames. At most 0.1 % and 0.1 s are required.', 'Nothing presses', ('kind',),
          names('called a shape, %', 'most often', 'on the topic, s')),
     View('Foreign shapes', 'The figures overlap with each of the five shapes by less than 0.85. Each cell has '
          '{patterns} figures. The columns are areas. Each cell shows the share that our method reports as unknown, '
-         'on/off / pressures. Required: 98 % from 40 taxels on.',
+         'on/off / pressures. From 40 taxels on, 98 % are required.',
          'Foreign shapes', ('shape',), across('area', of('ours, as shipped'))),
     View('Foreign shapes taken for one of the five', 'The table combines all families of figures. Each row has '
          '{patterns} figures. *Sure* is the share that our method reports as one of the five at a confidence above '
-         '0.9. The other columns show the share that is reported as unknown if the limit for unknown is set so that 2 '
-         '% of the known shapes of the same size and kind of frame are lost. The limits come from validation patterns. '
-         'For the anchors, the limit applies to the highest probability.', 'Foreign shapes', ('frames', 'area'),
+         '0.9. The other columns show the share that is reported as unknown at a common loss: the limit for unknown is '
+         'set so that 2 % of the known shapes of the same size and kind of frame are lost. The limits come from '
+         'validation patterns. For the anchors, the limit applies to the highest probability.', 'Foreign shapes',
+         ('frames', 'area'),
          columns(sure=of('called a shape, > 0.9 sure'), ours=lambda row: row['ours, 2 % loss'].split()[0],
                  CNN=of('CNN, 2 % loss'), trees=of('contours + trees, 2 % loss')), lambda row: row['shape'] == 'all'),
     View('Known shapes with a blemish', 'The contacts overlap with their shape by 0.92 to 0.98. Each cell has '
          '{patterns} contacts. The columns are areas. Each cell shows the share that our method recognises, on/off / '
-         'pressures. Required: 90 % from 100 taxels on.', 'Known shapes with a blemish', ('blemish',),
+         'pressures. From 100 taxels on, 90 % are required.', 'Known shapes with a blemish', ('blemish',),
          across('area', of('ours'))),
     View('Taught shapes', 'In `python bench/bench_teach.py`, one shape at a time is taught from 30 touches of about 50 '
          'taxels on 16x16 taxels. Touches come from one of two worlds. The generator (*flat*) draws blurred coverage '
-         'with a tilt and 1 % noise. Contact mechanics (*mechanics*) computes a punch in an elastic layer. The columns '
-         'are the world in which the shape was taught. The test has 400 fresh touches of the generator or 120 of '
+         'with a tilt and 1 % noise. Contact mechanics (*mechanics*) computes a punch in an elastic layer. Each column '
+         'is the world in which the shape was taught. The test has 400 fresh touches of the generator or 120 of '
          'contact mechanics, one frame each. Each cell shows three rates. The first is the share of touches recognised '
          'in the same world, the second in the other world. The third is the share of 600 foreign figures that are '
          'reported as a shape; without a taught shape, this share is 8.9-10.0. The foreign figures do not include '

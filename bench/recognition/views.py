@@ -113,7 +113,8 @@ def _shown(view: View, tables: Path) -> list[str]:
     missed = verdicts.count('NOT MET')
     text = view.text.format_map(next(filter(view.shown, rows)))
     if verdicts and 'equired' in text:
-        text += f' Values that do not meet this: {missed} of {len(verdicts)}.' if missed else ' All values meet this.'
+        text += (f' {missed} of {len(verdicts)} values do not meet this requirement.' if missed
+                 else ' All values meet this requirement.')
     return [f'## {view.heading}', '', *([_filled(text), ''] if text else []), *_note(tables, name),
             *lines_of(view, rows), '']
 

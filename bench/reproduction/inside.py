@@ -27,11 +27,11 @@ GROWTH = (0.7, 3.6)  #: bounds of √(area) - √(inside taxels) of a pattern [p
 class InsideReading(NamedTuple):
     """Results of each change alone and of both changes together."""
 
-    equilateral: Method         #: triangles changed, N as published
-    read_inside: Method         #: inside taxels as sizes, curves as published
-    inside: Method              #: inside taxels as sizes and in plane 1
+    equilateral: Method         #: result with changed triangles and N as published
+    read_inside: Method         #: result with inside taxels as sizes and curves as published
+    inside: Method              #: result with inside taxels as sizes and as N in plane 1
     both: Method
-    kept: Method                #: both changes, without the vanishing angles
+    kept: Method                #: result with both changes, without the vanishing angles
     active: dict[int, float]    #: mean number of active taxels in patterns with N inside taxels
     lost: dict[int, float]      #: loss by plane with both changes, at the largest size
     clouds: Samples             #: training patterns for both changes

@@ -45,7 +45,7 @@ class SeenFit(NamedTuple):
 
     dimensions: Mapping[str, float]  #: lengths, keyed by the names in ContactShape.dimension_names
     centre: tuple[float, float]
-    angle: float | None              #: None for a circle
+    angle: float | None              #: angle of the shape, or None for a circle
     names: tuple[str, ...]           #: names of the rows of ``covariance``
     covariance: np.ndarray
     outline: np.ndarray              #: corners of the outline, (n, 2)

@@ -46,9 +46,8 @@ frame[6, 6] = np.nan
 # The contact
 # -----------
 #
-# A taxel belongs to the contact if its reading stands out of the noise and is at least half of the contact's own level.
-# A dead
-# taxel that the contact encloses also belongs to the contact.
+# A taxel belongs to the contact if its reading stands out from the noise and is at least half of the contact's own
+# level. A dead taxel that the contact encloses also belongs to the contact.
 
 contact = tn.find_contact(frame, unit='Pa')
 print(int(contact.mask.sum()), 'taxels are pressed; the whole pad was seen:', contact.pad_seen)

@@ -44,7 +44,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _serve(world: World, args: argparse.Namespace) -> int:
-    import rclpy  # imported here, because a picture needs no ROS
+    import rclpy  # a late import, because a picture needs no ROS
     from rclpy.signals import SignalHandlerOptions
 
     from examples.simulated_gripper.session import HAS_ACTION, Bench

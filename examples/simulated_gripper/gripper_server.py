@@ -41,7 +41,7 @@ class GripperServer:
     def __init__(self, node: Node, world: World):
         self._node, self._world = node, world
         self._latest: ServerGoalHandle | None = None
-        self._lock = threading.Lock()  # protects the latest goal and its command
+        self._lock = threading.Lock()  # this lock protects the latest goal and its command
         self._server = ActionServer(
             node, ParallelGripperCommand, ACTION, self._execute, goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted, cancel_callback=lambda handle: CancelResponse.ACCEPT,

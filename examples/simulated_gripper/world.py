@@ -18,7 +18,7 @@ from tactile_node.grasp.gripper import Transform
 
 try:
     import mujoco
-except ImportError:  # optional, because the package does not depend on MuJoCo
+except ImportError:  # the package does not depend on MuJoCo
     mujoco = None
 
 SIDES = ('left', 'right')

@@ -1,6 +1,8 @@
-// How goals of touch_gripper ended, by their ids: the result says little, and the outcome is a message of its own
-// that may come before it, also before the goal is accepted. As tactile_node/ros/touch_client.py, for planners in C++.
-// Needs no rclcpp; docs/closing.md shows it with rclcpp. Not thread-safe: call it from one callback group.
+// Matches the results and the outcomes of touch_gripper goals by the goal id, for planners in C++. The result of a goal
+// contains little information. Its outcome is a separate message, which may arrive before the result, and even before
+// the goal is accepted. tactile_node/ros/touch_client.py does the same in Python.
+// The header does not need rclcpp; docs/closing.md shows an example with rclcpp. The class is not thread-safe, so call
+// it from one callback group.
 //
 //   tactile_skin::TouchGoals<Result, tactile_skin::msg::GripperOutcome> goals;
 //   goals.on_outcome(outcome, now); goals.on_result(result.goal_id, result, now);
@@ -18,12 +20,13 @@
 namespace tactile_skin
 {
 
-constexpr double OUTCOME_WAIT = 1.0;       // after the result; then the outcome is taken for lost [s]
-constexpr std::size_t MOST_GOALS = 16;     // that are kept; the oldest gives way
+constexpr double OUTCOME_WAIT = 1.0;       // time after the result until the outcome counts as lost [s]
+constexpr std::size_t MOST_GOALS = 16;     // number of goals kept; a new goal replaces the oldest
 
 using GoalId = std::array<std::uint8_t, 16>;
 
-// Outcome: tactile_skin::msg::GripperOutcome, or what has its fields goal_id and of_hold. Times are of a steady clock.
+// Outcome is tactile_skin::msg::GripperOutcome, or a type with the same fields goal_id and of_hold. All times come from
+// a steady clock.
 template<class Result, class Outcome>
 class TouchGoals
 {
@@ -31,10 +34,10 @@ public:
   struct Ending
   {
     Result result;
-    std::optional<Outcome> outcome;  // none: it was lost
+    std::optional<Outcome> outcome;  // empty if the outcome was lost
   };
 
-  // Take the result of a goal, which arrived at `now` [s].
+  // Store the result of a goal, which arrived at `now` [s].
   void on_result(const GoalId & id, Result result, double now)
   {
     auto & goal = of(id, now);
@@ -42,13 +45,13 @@ public:
     goal.result_at = now;
   }
 
-  // Take an outcome, of any goal; that of a hold is no ending of its goal, and is left out.
+  // Store the outcome of any goal. The outcome of a hold does not end a goal and is ignored.
   void on_outcome(const Outcome & outcome, double now)
   {
     if (!outcome.of_hold) {of(outcome.goal_id, now).outcome = outcome;}
   }
 
-  // Return how the goal ended, and forget it; none: it is under way.
+  // Return how the goal ended, and forget the goal. Return nullopt while the goal is in progress.
   std::optional<Ending> take(const GoalId & id, double now)
   {
     const auto found = goals_.find(id);
@@ -62,7 +65,7 @@ public:
 private:
   struct Goal
   {
-    double since = 0.0;  // when anything was heard of it first [s]
+    double since = 0.0;  // arrival time of the first message about the goal [s]
     double result_at = 0.0;
     std::optional<Result> result;
     std::optional<Outcome> outcome;

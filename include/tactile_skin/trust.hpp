@@ -1,5 +1,5 @@
-// Whether a grasp may be acted on now: the rules of tactile_node/grasp/trust.py, for planners in C++.
-// Both are tested with the cases of test/trust_cases.yaml.
+// Decide whether a planner may act on a grasp now, with the rules of tactile_node/grasp/trust.py, for planners in C++.
+// Both implementations are tested with the cases in test/trust_cases.yaml.
 //
 //   const auto doubt = tactile_skin::doubt(*grasp, (steady.now() - arrival).seconds());
 //   if (doubt != tactile_skin::Doubt::NONE) { wait(tactile_skin::name_of(doubt)); }
@@ -11,23 +11,23 @@
 namespace tactile_skin
 {
 
-constexpr double MAX_AGE = 0.3;      // of an acquisition [s]
-constexpr double MAX_SILENCE = 0.1;  // since the latest grasp arrived [s]
+constexpr double MAX_AGE = 0.3;      // largest age of an acquisition [s]
+constexpr double MAX_SILENCE = 0.1;  // largest time since the latest grasp arrived [s]
 
-// Why a grasp must not be acted on: the first that holds, in this order.
+// Reason why a planner must not act on a grasp. If several reasons apply, the first one in this order is returned.
 enum class Doubt
 {
-  NONE,        // it may
-  SILENT,      // no grasp for too long: the publisher may have ended
-  OLD,         // its acquisition, or its age is not known
+  NONE,        // the planner may act on the grasp
+  SILENT,      // no grasp has arrived for too long, perhaps because the publisher has ended
+  OLD,         // the acquisition is too old, or its age is not known
   NOT_KNOWN,   // a side has no result yet
-  UNSEEN,      // never take it for empty
+  UNSEEN,      // a side is unseen and must never be treated as empty
   NO_CONTACT,
   ONE_SIDED,
   NOT_FRESH,
-  BOUND,       // a contact may reach beyond what is seen: its centre is another one
+  BOUND,       // a contact may extend beyond the visible taxels, so its true centre may differ
   NOT_STABLE,
-  NO_CENTRE    // NaN
+  NO_CENTRE    // the centre or the offset is NaN
 };
 
 inline const char * name_of(Doubt doubt)
@@ -37,13 +37,14 @@ inline const char * name_of(Doubt doubt)
   return names[static_cast<int>(doubt)];
 }
 
-// Grasp: tactile_skin::msg::Grasp, or what has its fields. silence: since it arrived, by a steady clock [s].
+// Grasp is tactile_skin::msg::Grasp, or a type with the same fields. silence is the time since the grasp arrived,
+// measured with a steady clock [s].
 template<class Grasp>
 Doubt doubt(
   const Grasp & grasp, double silence, double max_age = MAX_AGE, double max_silence = MAX_SILENCE)
 {
   if (!(silence >= 0.0 && silence <= max_silence)) {return Doubt::SILENT;}
-  const double age = grasp.age.sec + 1e-9 * grasp.age.nanosec;  // 2^31 - 1 s and more: not known
+  const double age = grasp.age.sec + 1e-9 * grasp.age.nanosec;  // at least 2^31 - 1 s if the age is not known
   if (!(age >= 0.0 && age + silence <= max_age)) {return Doubt::OLD;}
   if (grasp.contact == Grasp::UNSEEN) {return Doubt::UNSEEN;}
   if (grasp.contact == Grasp::NO_CONTACT) {return Doubt::NO_CONTACT;}

@@ -56,7 +56,7 @@ The assembler applies these rules to each node of the pad separately:
     period, an adapter has held frames back, and the conclusion was wrong. While the assembler does not know which SYNC
     a node is answering (``is_in_doubt``), the SYNC producer skips SYNCs, so that the bus becomes free.
 
- 9. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
+ 9. If a SYNC may have reached the bus more than MOST_LATE after its stamp, it begins a period as usual. The taxels of
     that period are not published: they are LATE.
 
 Limits:
@@ -105,15 +105,15 @@ class FrameAssembler(PadAssembler):
         super().__init__(layout, node_ids)
         self._one_clock = one_clock
         self._node_ids = tuple(node_ids)
-        self._nodes = [tpdo.node for tpdo in layout.tpdos]  # by rank
+        self._nodes = [tpdo.node for tpdo in layout.tpdos]  # node number by rank
         self._layout_orders = [[rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node]
                                for node in range(len(node_ids))]
         self._ranks_of_nodes = [np.array(ranks) for ranks in self._layout_orders]
-        self._names = [tpdo.name for tpdo in layout.tpdos]  # by rank
-        self._orders = list(self._layout_orders)  # for each node, the order in which its TPDOs arrive
+        self._names = [tpdo.name for tpdo in layout.tpdos]  # TPDO name by rank
+        self._orders = list(self._layout_orders)  # order in which the TPDOs of each node arrive
         self._syncs = 0
-        self._distinct = [0] * len(layout.tpdos)  # by rank
-        self._fresh = np.zeros(len(layout.tpdos), int)  # by rank
+        self._distinct = [0] * len(layout.tpdos)  # number of TPDOs received without duplicates, by rank
+        self._fresh = np.zeros(len(layout.tpdos), int)  # number of TPDOs used in frames, by rank
 
         # previous period, not emitted yet because the end of its sweep may still arrive
         self._before: SweepPeriod | None = None

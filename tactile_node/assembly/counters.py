@@ -38,15 +38,15 @@ BUS_LOSSES: tuple[Counter[BusStatistics], ...] = (
             lambda bus: bus.consumer_errors),
     Counter('unread_log_lines', 'damaged lines of a replayed log, which were skipped', lambda bus: bus.unread),
     Counter('unrecorded_can_frames',
-            'CAN frames missing in the recording, because it failed or its format cannot hold them',
+            'CAN frames missing from the recording, because writing failed or the format cannot hold them',
             lambda bus: bus.unrecorded),
     Counter('error_frames', 'error frames reported by the CAN controller',
             lambda bus: bus.can_frames.get('error', 0)),
-    Counter('clock_jumps', 'times the wall clock was set; stamps never went back', lambda bus: bus.clock_jumps))
+    Counter('clock_jumps', 'times the wall clock was set; the stamps never go back', lambda bus: bus.clock_jumps))
 
 BUS_EVENTS: tuple[Counter[BusHealth], ...] = (
-    Counter('outages', 'times the bus did not work', lambda health: health.outages.count),
-    Counter('foreign_nmt_commands', 'NMT commands of another master to our nodes',
+    Counter('outages', 'periods in which the bus did not work', lambda health: health.outages.count),
+    Counter('foreign_nmt_commands', "NMT commands of another master to this driver's nodes",
             lambda health: health.foreign_commands),
     Counter('foreign_syncs', 'SYNCs of other devices while this driver produces SYNC',
             lambda health: health.sync.foreign),
@@ -58,7 +58,7 @@ PAD_COUNTERS: tuple[Counter[PadStatistics], ...] = (
             lambda pad: pad.incomplete),
     Counter('frames_withheld', 'incomplete sweeps not published (drop_incomplete)',
             lambda pad: pad.withheld, is_field=False),
-    Counter('tpdos_expected', 'TPDOs expected; those not received were lost on the bus or not sent',
+    Counter('tpdos_expected', 'TPDOs expected; a TPDO that is not received was lost on the bus or not sent',
             lambda pad: pad.expected),
     Counter('tpdos_received', 'TPDOs received, valid or not', lambda pad: pad.received),
     Counter('tpdos_padded', 'TPDOs longer than the layout maps, up to 8 bytes; their first bytes are used',
@@ -68,9 +68,9 @@ PAD_COUNTERS: tuple[Counter[PadStatistics], ...] = (
 NODE_COUNTERS: tuple[Counter[NodeHealth], ...] = (
     Counter('boots', 'boot-up messages received', lambda node: node.boots),
     Counter('emcy_count', 'error messages (EMCY) of the device', lambda node: node.emergencies),
-    Counter('outages', 'times without taxels of this node', lambda node: node.outages.count),
+    Counter('outages', 'periods without taxels from this node', lambda node: node.outages.count),
     Counter('frames_distrusted',
-            'taxel frames published without values, because the node is not configured: it restarted or refused',
+            'taxel frames published without values of this node, because it was not configured (restart or refusal)',
             lambda node: node.distrusted))
 
 

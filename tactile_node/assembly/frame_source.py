@@ -51,7 +51,7 @@ class PadStatistics(NamedTuple):
     distinct_by_tpdo: tuple[tuple[int, ...], ...] = ()
     #: number of TPDOs used for a taxel frame, emitted or withheld, by node and by TPDO in the order of the layout
     fresh_by_tpdo: tuple[tuple[int, ...], ...] = ()
-    #: for each node, the order of its TPDOs if it differs from the layout, else None
+    #: order of each node's TPDOs if it differs from the layout, else None
     orders: tuple[TpdoOrder | None, ...] = ()
 
     @property

@@ -1,4 +1,4 @@
-"""Describe the state of a bus and its nodes at one moment as facts.
+"""Facts about the state of a bus and its nodes at one moment.
 
 The module ``fault_text`` turns these facts into sentences.
 """
@@ -12,7 +12,7 @@ from tactile_node.code_names import PhrasedCode
 
 
 class Fault(PhrasedCode):
-    """A fault. Code 0 means that the fault is not known, and code 1 means that there is none."""
+    """A fault. Code 0 means that the fault is not known, and code 1 means that there is no fault."""
 
     @property
     def is_fault(self) -> bool:

@@ -51,7 +51,7 @@ class PadAssembler:
         self._numbers = [tpdo.number for tpdo in layout.tpdos]
         self._padded = 0
         self.can_ids = frozenset(self._ranks)  #: COB-IDs of the pad's CAN frames
-        self._senders = np.array([tpdo.node for tpdo in layout.tpdos] or [0], np.intp)  # by rank
+        self._senders = np.array([tpdo.node for tpdo in layout.tpdos] or [0], np.intp)  # node number by rank
         self._used = np.zeros(layout.nodes, np.int64)
         self._losses = dict.fromkeys(LossReason, 0)
         self._complete = self._incomplete = self._withheld = self._missing = self._received = 0

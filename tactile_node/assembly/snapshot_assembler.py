@@ -60,11 +60,11 @@ class SnapshotAssembler(PadAssembler):
     def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int]):
         super().__init__(layout, node_ids)
         self._event = event
-        self._node_ids = np.array([node_ids[tpdo.node] for tpdo in layout.tpdos])  # by rank
+        self._node_ids = np.array([node_ids[tpdo.node] for tpdo in layout.tpdos])  # node-ID by rank
         self._taxel_tpdos = _taxel_tpdos(layout)
         size = len(layout.tpdos)
         self._words = bytearray(MAX_PDO_BYTES * size)
-        self._unused = np.zeros(size, bool)  # by rank, True for values that no emitted frame contains
+        self._unused = np.zeros(size, bool)  # True by rank for values that no emitted frame contains
         self.restart()
 
     def start(self, node_id: int) -> None:
@@ -96,9 +96,9 @@ class SnapshotAssembler(PadAssembler):
         self._lose(LossReason.UNFINISHED, self._pending())
         size = len(self._unused)
         self._unused = np.zeros(size, bool)
-        self._is_new = np.zeros(size, bool)  # by rank, True for values that are newer than the last snapshot
+        self._is_new = np.zeros(size, bool)  # True by rank for values newer than the last snapshot
         self._is_known = np.zeros(size, bool)
-        self._stamps = np.full(size, np.nan)  # by rank, time of the last TPDO, or earliest time at which it may arrive
+        self._stamps = np.full(size, np.nan)  # time of the last TPDO, or the time since which it is awaited, by rank
         self._newest = self._first_new = np.inf
         self._last = -1, b''  # rank and bytes of the last TPDO
         self._started: set[int] = set()  # node-IDs

@@ -51,11 +51,11 @@ class BusMonitor:
         self.foreign_commands = 0
         self.last_command: ForeignCommand | None = None  #: last NMT command from another master to one of our nodes
 
-        #: by node-ID, writes by another master to the objects in DECIDES_TPDOS
+        #: number of writes by another master to the objects in DECIDES_TPDOS, by node-ID
         self.foreign_writes = dict.fromkeys(self.emergencies, 0)
-        self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: by node-ID, SDO requests from another master
+        self.foreign_requests = dict.fromkeys(self.emergencies, 0)  #: SDO requests from another master, by node-ID
 
-        #: by node-ID, writes by another master to the heartbeat time
+        #: number of writes by another master to the heartbeat time, by node-ID
         self.heartbeat_writes = dict.fromkeys(self.emergencies, 0)
         self.is_error_passive = False
         self.error_counters = ErrorCounters()

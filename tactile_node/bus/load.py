@@ -84,7 +84,7 @@ def refuse_full_bus(layouts: Iterable[SkinLayout], bitrate: int, sync_period: fl
     sweeps = f'{1 / least:.1f} sweeps per second' if least else ''
     slower = f'Set sync_period to {least:g} s ({sweeps}) or more, or connect' if least else 'Connect'
     raise ConfigurationError('sync_period and layouts', got=f'{100 * load:.0f} %',
-                             expected=f'a bus that is busy for {100 * FULL_LOAD:.0f} % of the time at most',
+                             expected=f'a bus load of at most {100 * FULL_LOAD:.0f} %',
                              remedy=f'{slower} some of the pads to another bus. Set allow_full_bus to accept this '
                              'load.')
 

@@ -29,7 +29,7 @@ BUSY_FRAMES = 4
 class Batch(NamedTuple):
     """Messages that were read together."""
 
-    messages: list[can.Message]  #: in the order of reception
+    messages: list[can.Message]  #: messages in the order of reception
 
     #: Interval of the monotonic clock in which all messages arrived [s]; None if the stamp of each message gives its
     #: time of arrival.

@@ -64,7 +64,7 @@ class SkinBus:
                  monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None,
                  chain: Chain | None = None):
         check_pads(pads)
-        check_bit_rate(settings.bitrate)  # checked before the load, because the load depends on the bit rate
+        check_bit_rate(settings.bitrate)  # this check comes first, because the load depends on the bit rate
         if not settings.allow_full_bus:
             refuse_full_bus((pad.layout for pad in pads), settings.bitrate, settings.sync_period)
         self._settings = settings

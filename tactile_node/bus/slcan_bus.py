@@ -1,4 +1,4 @@
-"""Extend python-can's slcan bus by bulk reads, checked lines and a locked port.
+"""Extend python-can's slcan bus with bulk reads, checked lines and a locked port.
 
 python-can reads the serial port byte by byte, with one or two system calls per byte. Reading byte by byte is too slow
 for two pads at 25 Hz (1600 CAN frames/s). This module reads all waiting bytes at once, which takes a fraction of the

@@ -53,16 +53,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--name', action='append', required=True,
                         help='name of the object; repeat --name for each further object, followed by its --from')
     parser.add_argument('--from', nargs='+', action=OfLastName, dest='from_', metavar='FILE',
-                        help='files with touches of the object of the preceding --name: CAN logs, or .npz and .npy '
-                        'files with at least one frame, in the order of time (docs/command_line.md). Lift the object '
-                        'between two touches. Without --from, the touches are recorded live from the bus')
+                        help='files with touches of the object named before: CAN logs, or .npz and .npy files with at '
+                        'least one frame, in chronological order (docs/command_line.md). Lift the object between two '
+                        'touches. Without --from, the command records the touches live from the bus')
     add_output_option(parser, metavar='FILE', help='.npz file to write if the adaptation helps (default: only report)')
     parser.add_argument('--model', default=METHOD_FILES[LEARNED], metavar='FILE',
                         help='model to assess, for example a file of `tactile teach` (default: config/%(default)s)')
     add_number(parser, '--touches', int, limits={'least': 1}, default=DEFAULT_TOUCHES, metavar='N',
                help='number of touches of each object in a live recording (default: %(default)s)')
-    parser.add_argument('--picture', metavar='FILE', help='picture to write: how often answers of similar confidence '
-                        'are right')
+    parser.add_argument('--picture', metavar='FILE', help='file for a picture that shows how often answers of similar '
+                        'confidence are right')
     add_skin_options(parser)
     add_bus_options(parser, is_set=False)
     add_any_device_option(parser)

@@ -181,7 +181,7 @@ def run(args: argparse.Namespace) -> int:
         ros_arguments = [*given.arguments, *_params_file(args)]
         if args.simulate and any(node.role is Role.DRIVER for node in nodes):
             _simulate(args, stack)
-        from tactile_node.nodes.replay import play  # imported here, because `tactile --help` must work without ROS
+        from tactile_node.nodes.replay import play  # a late import, because `tactile --help` must work without ROS
         from tactile_node.nodes.run import running, wait
         system, spinner = stack.enter_context(running(nodes, ros_arguments))
         system.autostart(stop_requested)

@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         print(f'tactile: without calibration the radius would be {100 * calibration.before:+.1f} % off, which is more '
               'than for most skins. A wrong --radius has the same effect: measure the face again.', file=sys.stderr)
     users = 'to the driver (response_files) or ' if readings.unit else ''
-    print(f'written to {output}. Give it {users}to tactile classify (--response).')
+    print(f'written to {output}. Pass the file {users}to tactile classify (--response).')
     return 0
 
 

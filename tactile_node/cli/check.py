@@ -172,7 +172,7 @@ def _text(found: CheckedLayout, use: Use) -> list[str]:
 
 
 def _error_lines(errors: list[tuple[ConfigurationError, int | None]]) -> list[str]:
-    """Return the first errors for each remedy and a count of the rest, as every TPDO may repeat the same mistake."""
+    """Return the first errors for each remedy and count the rest, because every TPDO may repeat the same mistake."""
     lines, alike = [], Counter[str]()
     for error, line in errors:
         alike[error.remedy] += 1

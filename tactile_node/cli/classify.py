@@ -19,11 +19,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--curves', default='', metavar='FILE',
                         help=f'curves of --method volf (default: config/{METHOD_FILES[VOLF]})')
     parser.add_argument('--pitch', type=float, metavar='METRES',
-                        help='distance between neighbouring taxels; with a pitch, pose and size of a recognised shape '
-                             'are fitted (default: the pitch in an .npz)')
+                        help='distance between neighbouring taxels; with a pitch, the command fits pose and size of a '
+                             'recognised shape (default: the pitch in an .npz)')
     parser.add_argument('--response', default='', metavar='FILE',
-                        help='response of the skin, a file of `tactile calibrate`: its curve turns readings into '
-                             'pressures, and the fits use its depth of the taxels')
+                        help='file of `tactile calibrate` with the response of the skin: the curve converts readings '
+                             'to pressures, and the fits use the depth of the taxels')
     parser.add_argument('--fuse', action='store_true',
                         help='combine the frames of a contact, as the classifier node does; needs the stamps of an '
                              '.npz, or --period')
@@ -51,6 +51,6 @@ def run(args: argparse.Namespace) -> int:
         if file and args.method != method:
             raise ConfigurationError(option, expected=f'--method {method}, which reads this file', got=args.method,
                                      remedy=f'Omit {option}, or give --method {method}.')
-    from tactile_node.cli.classified import write_shapes  # imports scipy, which would slow down shell completion
+    from tactile_node.cli.classified import write_shapes  # scipy would slow down shell completion
     write_shapes(args)
     return 0

@@ -35,6 +35,6 @@ def groups(text: str) -> Group:
 
 
 def run(args: argparse.Namespace) -> int:
-    from tactile_node.cli.frame_patterns import write_features  # imports scipy, which loads slowly
+    from tactile_node.cli.frame_patterns import write_features  # scipy would slow down shell completion
     write_features(args)
     return 0

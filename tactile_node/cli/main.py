@@ -18,9 +18,9 @@ from tactile_node.interruption import ignore_interruptions
 #: needs them. The module with the name of the sub-command contains ``add_options`` and ``run``, and is imported only
 #: for this sub-command.
 COMMANDS = (
-    ('simulate', 'simulate a CANopen skin that touches shapes or repeats a recording'),
+    ('simulate', 'simulate a CANopen skin that shapes touch in turn'),
     ('scan', 'find the CANopen nodes of a bus'),
-    ('draft', 'begin a skin layout from an EDS'),
+    ('draft', 'draft a skin layout from an EDS'),
     ('check', 'check a skin layout and its EDS, and show the pad'),
     ('bringup', 'run all ROS 2 nodes of one bus in this process'),
     ('view', 'show the pads in a browser or on a terminal'),
@@ -30,11 +30,11 @@ COMMANDS = (
     ('classify', 'recognise the shape in frames from files, as JSON lines or CSV'),
     ('report', 'write a page about a log or bag, for a support ticket'),
     ('features', 'compute every quantity of the paper for frames from files, as JSON lines or CSV'),
-    ('calibrate', "learn a skin's response from presses of a known disc"),
+    ('calibrate', "measure a skin's response with presses of a known disc"),
     ('teach', 'teach the recogniser your own shapes'),
-    ('assess', 'report how reliable recognition is on your own skin, and adapt it'),
+    ('assess', 'report how reliable recognition is on your own skin, and adapt the model'),
     ('sdo', 'read or write one object of a device'),
-    ('completion', 'print the script with which your shell completes `tactile`'),
+    ('completion', 'print a shell script for TAB completion of `tactile`'),
 )
 FIRST_COMMANDS = 11
 

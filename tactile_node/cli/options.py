@@ -113,7 +113,7 @@ def add_window_options(parser: argparse.ArgumentParser) -> None:
     """Add --start and --duration, which `window_of` reads."""
     limits = {'unit': 's', 'remedy': 'For example --start 1800 --duration 60.'}
     add_number(parser, '--start', limits=limits, default=0.0, metavar='S', help='skip the first S seconds of the '
-               'recording; in a bag (.mcap, .db3), they are not even read')
+               'recording; the skipped part of a bag (.mcap, .db3) is not even read')
     add_number(parser, '--duration', limits=limits, metavar='S', help='length of the part to read [s] (default: all)')
 
 
@@ -173,8 +173,8 @@ def add_pads_option(parser: argparse.ArgumentParser) -> None:
 
 def add_any_device_option(parser: argparse.ArgumentParser) -> None:
     """Add --any-device."""
-    parser.add_argument('--any-device', action='store_true', help='play a log even if its SDO answers show a '
-                        'different device, or a different mapping of the TPDOs; taxels may then be in wrong places')
+    parser.add_argument('--any-device', action='store_true', help='play a log even if its SDO responses show a '
+                        'different device or TPDO mapping; taxels may then be in the wrong places')
 
 
 def add_output_option(parser: argparse.ArgumentParser, *names: str, **properties: Any) -> None:
@@ -198,8 +198,8 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Add --layout, --node-id, --channel and --any-device, for a log of pads with the same layout."""
     parser.add_argument('--layout', default=DEFAULT_LAYOUT, help='skin layout (default: %(default)s)')
     add_node_id_option(parser)
-    parser.add_argument('--channel', default='', help='bus to play from a log of several buses, by its name in the '
-                        'log, for example can0; for a bag, the topic')
+    parser.add_argument('--channel', default='', help='name of the bus to play from a log of several buses, for '
+                        'example can0; for a bag, the topic')
     add_any_device_option(parser)
 
 
@@ -211,7 +211,7 @@ def add_model_option(parser: argparse.ArgumentParser) -> None:
 
 def recogniser_of(args: argparse.Namespace) -> 'VisibilityGuard':
     """Return a recogniser with the model from --model. Raises ConfigurationError if the file cannot be used."""
-    from tactile_node.shape.methods import make_recogniser  # imports scipy, which would slow down shell completion
+    from tactile_node.shape.methods import make_recogniser  # scipy would slow down shell completion
     return make_recogniser(LEARNED, args.model)
 
 
@@ -242,7 +242,7 @@ def pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[PadSe
     ConfigurationError
         Raised if a layout cannot be used, or if the options contradict each other.
     """
-    from tactile_node.skin.pads import make_pads  # imports canopen, which would slow down shell completion
+    from tactile_node.skin.pads import make_pads  # canopen would slow down shell completion
     layouts = [args.layout] if isinstance(args.layout, str) else args.layout or [DEFAULT_LAYOUT]
     return make_pads(layouts, args.node_id or [DEFAULT_NODE_ID], names)
 
@@ -299,7 +299,7 @@ def open_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') 
     BusError
         Raised if the bus cannot be opened, or on exit if the bus failed in the meantime.
     """
-    # imports python-can, which would slow down shell completion
+    # python-can would slow down shell completion
     from tactile_node.bus.bus_network import BusNetwork, open_bus
     failures: list[Exception] = []
     network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate), on_batch,

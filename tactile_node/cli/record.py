@@ -26,7 +26,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--duration', type=float, default=float('inf'),
                         help='length of the recording [s] (default: until Ctrl-C)')
     add_number(parser, '--rotate-mb', limits={'remedy': '0 makes one file.'}, default=0.0, metavar='N',
-               help='size at which the next file begins [MB], named FILE_part2 and so on (default: one file)')
+               help='file size at which a new file begins, named FILE_part2 and so on [MB] (default: one file)')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -37,7 +37,7 @@ def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]
     """
     lines = _json_lines(records) if args.format == JSON else _csv_lines(records, columns())
     if prints(args):
-        for line in lines:  # written line by line, so that a pipe receives each result immediately
+        for line in lines:  # one line at a time, so that a pipe receives each result immediately
             sys.stdout.write(line)
         return
     inputs = [path for path in args.frames if path != '-']
@@ -89,7 +89,7 @@ def add_array_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options for the input, the output and the thresholds."""
     parser.add_argument('frames', nargs='*', default=['-'], metavar='FILE',
                         help=f'{FORMATS_HELP}. "-" or no FILE: standard input. Each file holds the frames of one pad, '
-                             'in the order of time')
+                             'in chronological order')
     add_output_option(parser, metavar='FILE', help='file to write (default: standard output)')
     parser.add_argument('--format', choices=(JSON, CSV), default=JSON,
                         help='json: one object per line. csv: a header line, then one line per frame; nested names are '
@@ -105,7 +105,7 @@ def add_array_arguments(parser: argparse.ArgumentParser) -> None:
                              '0. With --unit, give both values in that unit')
     numeric = parser.add_argument_group(
         'pressed taxels of integer and float values (a bool array gives the pressed taxels directly)',
-        'A taxel is pressed if its value stands out of the noise of the taxels at rest and reaches half of the level '
+        'A taxel is pressed if its value stands out from the noise of the taxels at rest and reaches half of the level '
         'of its contact. At least a quarter of the taxels must be at rest. Whole numbers less than 3 above the rest '
         'count as noise. A file with 0 and only one other value is on/off. The frames of a file must follow each other '
         'in time, because a taxel that stays on after a contact is treated as left over. Put independent images into '

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     paths = _outputs(args.output, pads)
     for path in filter(None, paths.values()):
         check_writable(path, [args.log], force=args.force)
-    with ExitStack() as stack:  # opened before the log is played, so that an unwritable file is reported early
+    with ExitStack() as stack:  # the file is opened before the log is played, to report an unwritable file early
         outputs = {name: stack.enter_context(output_file(path, [args.log]) if path else _standard_output())
                    for name, path in paths.items()}
         played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel, any_device=args.any_device,

@@ -36,10 +36,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_output_option(parser, metavar='FILE', default='report.html', help='default: %(default)s')
     add_skin_options(parser)
     add_pads_option(parser)
-    parser.add_argument('--channel', default='', help='bus to report on if the log holds several, as the log names it '
+    parser.add_argument('--channel', default='', help='name of the bus to report on if the log contains several '
                         '(can0); for a bag, the topic')
-    parser.add_argument('--bitrate', type=bit_rate, help='bit rate of the bus [bit/s]. No log records it; if you give '
-                        'it, the page shows the bus load as a percentage')
+    parser.add_argument('--bitrate', type=bit_rate, help='bit rate of the bus [bit/s], with which the page shows the '
+                        'bus load as a percentage. No log contains the bit rate')
     add_any_device_option(parser)
     add_window_options(parser)
     add_model_option(parser)

@@ -47,11 +47,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     read = _action(actions, 'read', _read, SDO_ANSWER_TIMEOUT, 'print the value of an object')
     write = _action(actions, 'write', _write, SDO_ANSWER_TIMEOUT, 'write the value of an object')
     for action in (read, write):
-        action.add_argument('object', metavar='OBJECT', help='index with sub-index, such as 0x1018:1, or a name of the '
-                            'EDS')
+        action.add_argument('object', metavar='OBJECT', help='index with sub-index, such as 0x1018:1, or a name from '
+                            'the EDS')
         action.add_argument('--eds', default='', help='EDS that names the objects and their types: a file, or a name '
                             'in config/')
-        action.add_argument('--type', choices=TYPES, help='type of the value; hex: the bytes in the order of the wire '
+        action.add_argument('--type', choices=TYPES, help='type of the value; hex: the bytes in transmission order '
                             '(default: the type from the EDS)')
     write.add_argument('value', metavar='VALUE', help='100, 0x64, 1.5, a text, or bytes such as 6400')
     store = partial(_parameters, index=objects.STORE_PARAMETERS, signature=b'save',
@@ -62,8 +62,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                    _action(actions, 'restore', restore, STORE_TIMEOUT, "restore the maker's parameters: write \"load\" "
                            'to 0x1011; the device uses them after its next reset')):
         add_number(action, '--sub', int, limits={'least': 1, 'most': objects.MAX_SUBINDEX}, metavar='SUB',
-                   default=1, help='group of parameters: 1 all (default), 2 communication, 3 application, 4 and up as '
-                   'the maker defines them')
+                   default=1, help='group of parameters: 1 all (default), 2 communication, 3 application, 4 and above '
+                   'as defined by the maker')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -98,16 +98,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     _add_wire_options(parser)
     add_skin_options(parser)
     parser.add_argument('--shapes', nargs='+', default=CLASSES, metavar='SHAPE', help='shapes that touch the pads: '
-                        f'{", ".join((*CLASSES, *NAMED))}, or the file of a picture, dark on white (default: the first '
-                        'five)')
+                        f'{", ".join((*CLASSES, *NAMED))}, or a picture file, dark on white (default: the first five)')
     add_number(parser, '--areas', limits={'above': 0}, nargs='+', default=TOUCH_AREAS, metavar='TAXELS',
                help='areas of the contacts [taxels] (default: 40 60 80)')
     add_number(parser, '--rounds', int, limits={'least': 1}, default=1, metavar='N', help='number of touches for each '
-               'shape and area, each at another place and angle, before the programme repeats (default: %(default)s)')
+               'shape and area, each at a different place and angle, before the sequence repeats (default: '
+               '%(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='seed of the random touches (default: %(default)s)')
     add_number(parser, '--noise', limits={'most': 1}, metavar='SD', help='standard deviation of the noise of each '
-               f'taxel, as a fraction of full scale (default: {TAXEL_NOISE}, or less if an untouched pad would then '
-               'seem pressed)')
+               f'taxel, as a fraction of full scale (default: {TAXEL_NOISE}, or less if an untouched pad would seem '
+               'pressed with this noise)')
     add_number(parser, '--hold', limits={'above': 0, 'unit': 's'}, default=TOUCH_HOLD, metavar='SECONDS',
                help='duration of each contact [s] (default: %(default)s)')
     add_number(parser, '--pause', limits={'unit': 's'}, default=TOUCH_PAUSE, metavar='SECONDS',
@@ -120,14 +120,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def _add_wire_options(parser: argparse.ArgumentParser) -> None:
     default = WireSettings()
     parser.add_argument('--wire', action=argparse.BooleanOptionalAction, default=None,
-                        help='reproduce the timing of a wire (default with --pty), or send each sweep at once')
+                        help='reproduce the timing of a CAN bus (default with --pty), or send each sweep at once')
     limits = {'most': MOST_DELAY, 'unit': 's'}
     add_number(parser, '--delay', limits=limits, default=default.delay, metavar='S',
                help='time from the end of a SYNC until the device has its TPDOs ready [s] (default: %(default)s)')
     add_number(parser, '--jitter', limits=limits, default=default.jitter, metavar='S',
                help='largest random time that is added to --delay [s] (default: %(default)s)')
     add_number(parser, '--batch', limits=limits, default=default.batch, metavar='S', help='longest time for which a '
-               'frame is held back, to be delivered together with the next frames as by a USB adapter [s] (default: '
+               'frame is held back and then delivered with the next frames, as by a USB adapter [s] (default: '
                '%(default)s)')
     parser.add_argument('--report', metavar='FILE',
                         help='append each report to this file as a line of JSON, instead of printing it')

@@ -1,4 +1,4 @@
-"""`tactile tare` zeroes the pads: with nothing touching them, their current readings become zero.
+"""`tactile tare` sets the zero of the pads to their current readings, so nothing may touch the pads.
 
 The running driver tares one pad after another. The driver refuses to tare a pad that is pressed. If a pad is pressed,
 the command retries for up to --wait seconds. The exit code is 1 if a pad was not tared.
@@ -22,13 +22,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                help="number of taxel frames to average (default: the driver's parameter, 50)")
     parser.add_argument('--on-device', action='store_true', help='let the device zero itself first (CiA 404, 0x6125)')
     add_number(parser, '--wait', limits={'unit': 's'}, default=DEFAULT_WAIT, metavar='SECONDS', help='time for which '
-               'the command tries again while a pad is pressed [s] (default: %(default)s)')
+               'the command retries while a pad is pressed [s] (default: %(default)s)')
     parser.add_argument('--namespace', default='', help='namespace of the driver')
 
 
 def run(args: argparse.Namespace) -> int:
     """Tare each pad. Return 1 if a pad was not tared, else 0."""
-    from tactile_node.nodes.tare_client import tare_client  # imported only here, because `--help` must work without ROS
+    from tactile_node.nodes.tare_client import tare_client  # a late import, because `--help` must work without ROS
     is_done = True
     with tare_client(args.namespace) as client:
         for pad in args.pads or client.pads():

@@ -53,19 +53,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--name', action='append', required=True, help='name of the shape; repeat --name for each '
                         'further shape in the file, followed by its --from')
     parser.add_argument('--from', nargs='+', action=OfLastName, dest='from_', metavar='FILE',
-                        help='files with touches of the shape of the preceding --name: CAN logs, or .npz and .npy '
-                        'files with frames in the order of time (docs/command_line.md). Lift the object between two '
-                        'touches. Without --from, the touches are recorded live from the bus')
+                        help='files with touches of the shape named before: CAN logs, or .npz and .npy files with '
+                        'frames in chronological order (docs/command_line.md). Lift the object between two touches. '
+                        'Without --from, the command records the touches live from the bus')
     add_output_option(parser, required=True, metavar='FILE', help='.npz file to write')
     parser.add_argument('--model', default=METHOD_FILES[LEARNED], metavar='FILE',
-                        help='model to which the shapes are added; shapes that it contains are kept (default: '
+                        help='model to which the command adds the shapes; the shapes in the model are kept (default: '
                         'config/%(default)s)')
     add_number(parser, '--touches', int,
                limits={'least': LEAST_TOUCHES, 'remedy': f'{DEFAULT_TOUCHES} is a good number.'},
                default=DEFAULT_TOUCHES, metavar='N',
                help='number of touches of each shape in a live recording (default: %(default)s)')
-    parser.add_argument('--picture', metavar='FILE', help='picture to write: the answer to each shape on held-out '
-                        'contacts')
+    parser.add_argument('--picture', metavar='FILE', help='file for a picture that shows the answers to held-out '
+                        'contacts of each shape')
     parser.add_argument('--accept-poor', action='store_true', help='write the file even if the recognition of held-out '
                         'contacts is poor')
     add_skin_options(parser)

@@ -47,8 +47,8 @@ APPLIED_OPTIONS = {
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('recording', nargs='?', help='CAN log as for `tactile record`, or a ROS 2 bag')
     add_bus_options(parser, is_set=False)
-    parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: for topics, '
-                        'all pads that are found; else pad<node-ID>)')
+    parser.add_argument('--pads', type=pad_names, metavar='NAME,...', help='names of the pads (default: all pads found '
+                        'on the topics, or pad<node-ID> for any other source)')
     add_skin_options(parser)
     add_any_device_option(parser)
     add_window_options(parser)
@@ -87,7 +87,7 @@ def source_of(args: argparse.Namespace) -> ViewSource:
         return BusSource(bus_settings_of(args), live_pads_of(args, args.pads or ()), recogniser_of(args))
     _refuse_ignored(args, TOPICS, 'Name a bus with --interface, or leave these options out. For topics, the classifier '
                     'node has the model as a parameter.')
-    from tactile_node.nodes.view_topics import TopicSource  # imports rclpy, which the other sources do not need
+    from tactile_node.nodes.view_topics import TopicSource  # the other sources do not need rclpy
     return TopicSource(args.pads or (), args.namespace)
 
 
@@ -120,7 +120,7 @@ def _written(names: Iterable[str]) -> str:
 
 def _serve(args: argparse.Namespace, source: ViewSource, stop_requested: Event) -> None:
     from tactile_node.viewing.gate import LOOPBACK
-    from tactile_node.viewing.server import ViewServer  # imports viser, which the terminal does not need
+    from tactile_node.viewing.server import ViewServer  # the terminal does not need viser
     server = ViewServer(source, args.port, args.full_scale)
     try:
         print(f'{source.title}: open http://{LOOPBACK}:{server.port} (Ctrl-C ends)', flush=True)

@@ -214,7 +214,7 @@ def _refuse_contact(values: np.ndarray, guard: ContactGuard, zero: np.ndarray | 
         loads = np.where(pressed, np.where(np.isfinite(values), values - zero, -np.inf).max(0), -np.inf)
         row, col = np.unravel_index(loads.argmax(), loads.shape)
         raise TareRefusedError(
-            'tare', TareRefusal.CONTACT, expected='no contact on the pad, whatever tare_limit is',
+            'tare', TareRefusal.CONTACT, expected='no contact on the pad, at any tare_limit',
             got=f'{np.count_nonzero(pressed)} pressed taxels, most at row {row}, column {col}: {loads[row, col]:g} '
                 f'{guard.unit} above zero',
             remedy='Open the gripper. If nothing presses the pad, set "offset" in the layout or exclude faulty taxels.')

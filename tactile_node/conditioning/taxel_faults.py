@@ -68,9 +68,9 @@ class FaultDetector:
 
     - A taxel is *dead* if it was not ALIVE in CONTACTS contacts, although pressed taxels lay on both sides of it in two
       of four directions. The centres of these contacts must be APART. If a ring is pressed at several such places, it
-      also presses the taxels that lay in its hole before. A taxel in the corner of a pad has no two sides, so it is
-      never found dead. Blocks of dead taxels are not found either, because a hole of more than two taxels contains
-      taxels without pressed taxels on both sides.
+      also presses the taxels that lay in its hole before. A taxel in the corner of a pad lies between no other taxels,
+      so it is never found dead. Blocks of dead taxels are not found either, because a hole of more than two taxels
+      contains taxels without pressed taxels on both sides.
 
     - A taxel is *stuck* if it was pressed at the end of CONTACTS contacts, and its value has been bit-identical since
       before the first of these contacts. A stuck taxel must be alone or have fewer stuck neighbours than a contact has
@@ -93,7 +93,7 @@ class FaultDetector:
 
     def __init__(self, rows: int, cols: int, limit: float):
         shape = (rows, cols)
-        self.limit = limit  #: may be changed at any time
+        self.limit = limit  #: press limit, which may change at any time
         self._last = np.full(shape, np.nan)
         self._pressed, self._risen = np.zeros((2, *shape), bool)
         self._height = 0  # largest number of taxels pressed during this contact

@@ -437,7 +437,7 @@ class Clearing:
 
     def __init__(self, now: float, timeout: float):
         self._limit = now + timeout
-        self._rest: Rest | None = None  # None until the gripper has answered
+        self._rest: Rest | None = None  # the rest is checked once the gripper has answered
         self.is_over = False
 
     def look(self, now: float, opening: float, *, is_answered: bool, is_ended: bool) -> Outcome | None:

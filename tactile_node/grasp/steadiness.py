@@ -95,7 +95,7 @@ class Steadiness:
         self._samples = np.empty((0, 4))  # time, x, y, resolution of each centre in the window
         self._resting = False
         self.since = np.inf              #: time of the first centre of this hold [s]
-        self.speed: Speed | None = None  #: None while there are too few centres
+        self.speed: Speed | None = None  #: latest speed, or None while there are too few centres
 
     def update(self, time: float, centre: tuple[float, float], resolution: float) -> bool:
         """Add a centre, and return True if the contact rests.

@@ -17,7 +17,7 @@ from tactile_node.grasp.steadiness import Steadiness, SteadinessSettings
 from tactile_node.shape.recognition import Shape
 
 SIDES = ('left', 'right')
-# A side is silent after SILENT_PERIODS of its periods without a result, but not before SHORTEST_SILENCE has passed.
+# A side is silent after SILENT_PERIODS periods without a result, but not before SHORTEST_SILENCE has passed.
 SHORTEST_SILENCE = 0.1  #: [s]
 SILENT_PERIODS = 3
 #: Share of the silent time after which the tracker reports a silence, so that planners notice the silence in time.
@@ -79,7 +79,7 @@ class GraspState(NamedTuple):
     contact: GraspContact
     fresh: bool        #: True if both sides are current and were acquired at nearly the same time
     same_shape: bool   #: True if both sides are touched and report the same known shape
-    line: Line | None  #: None unless the contact is TWO_SIDED and fresh, and both centres are known
+    line: Line | None  #: line of a fresh TWO_SIDED contact with two known centres, or None
     line_is_bound: bool
     held: float  #: time for which the shapes and centres on both sides have stayed the same [s]
 

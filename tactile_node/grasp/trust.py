@@ -49,7 +49,7 @@ def doubt(grasp: Any, silence: float, max_age: float = MAX_AGE, max_silence: flo
     """
     if not 0 <= silence <= max_silence:
         return Doubt.SILENT
-    age = grasp.age.sec + grasp.age.nanosec * 1e-9  # at least 2^31 - 1 s if the age is unknown
+    age = grasp.age.sec + grasp.age.nanosec * 1e-9  # an unknown age is at least 2^31 - 1 s
     if not (age >= 0 and age + silence <= max_age):
         return Doubt.OLD
     short_of = {grasp.UNSEEN: Doubt.UNSEEN, grasp.NO_CONTACT: Doubt.NO_CONTACT, grasp.ONE_SIDED: Doubt.ONE_SIDED}

@@ -240,7 +240,7 @@ class _Examples(NamedTuple):
             log_odds = scaled - np.log(np.exp(scaled).sum(1, keepdims=True))
             error = np.exp(log_odds) - is_truth
             slope = (inputs.T @ error + matrix / spreads ** 2)[:, touched]
-            slope -= slope.mean(1, keepdims=True)  # so that the mean over the classes stays 0
+            slope -= slope.mean(1, keepdims=True)  # the mean over the classes must stay 0
             prior = (log_temperature / TEMPERATURE_SPREAD) ** 2 + ((matrix / spreads) ** 2).sum()
             return prior / 2 - log_odds[is_truth].sum(), np.append(
                 log_temperature / TEMPERATURE_SPREAD ** 2 - (error * cooled).sum(), slope)
@@ -260,7 +260,7 @@ def reliability_picture(assessment: Assessment) -> 'Figure':
     The figure shows the recognitions without an adaptation. If an adaptation was fitted, the figure also shows the
     recognitions with the adaptation.
     """
-    from matplotlib.figure import Figure  # optional, and slow to import
+    from matplotlib.figure import Figure  # matplotlib is optional and slow to import
 
     figure = Figure(figsize=(5, 4.6), layout='constrained')
     axes = figure.subplots()

@@ -208,7 +208,7 @@ def confusion_picture(held_out: HeldOut, names: Sequence[str]) -> 'Figure':
     names : sequence of str
         Names of the taught shapes.
     """
-    from matplotlib.figure import Figure  # optional, and slow to import
+    from matplotlib.figure import Figure  # matplotlib is optional and slow to import
 
     answers = [shape.value.replace('_', ' ') for shape in OUTPUTS] + [name.replace('_', ' ') for name in names]
     counts = held_out.after

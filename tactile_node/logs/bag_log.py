@@ -105,7 +105,7 @@ class McapCanWriter:
         if message.is_fd:
             raise ValueError('a CAN FD frame does not fit into can_msgs/msg/Frame')
         seconds, part = divmod(message.timestamp, 1)
-        # converted in two parts, because a single float would round the time to 256 ns
+        # The time is converted in two parts, because a single float would round it to 256 ns.
         time = int(seconds) * SECOND + round(part * SECOND)
         self._sequence += 1
         self._writer.add_message(channel_id=self._channel, log_time=time, data=self._types.cdr(message, time),

@@ -52,7 +52,7 @@ class LogFile:
     def reaches(self, largest: int) -> bool:
         """Return True if the file, with all messages written so far, has at least ``largest`` bytes. Raises OSError."""
         if isinstance(self.writer, McapCanWriter) and self.writer.file.tell() + CHUNK_BYTES < largest:
-            return False  # checked without a flush, because a flush would end the chunk
+            return False  # this check needs no flush, because a flush would end the chunk
         self.flush()
         return self._size >= largest
 

@@ -1,6 +1,6 @@
-"""Compare the device set-up found in the SDO transfers of a log with the layout and the EDS (CiA 301, 7.2.4).
+"""Compare the device setup found in the SDO transfers of a log with the layout and the EDS (CiA 301, 7.2.4).
 
-Values that the log does not contain are not checked. A value is unknown if the log begins after the set-up, or if the
+Values that the log does not contain are not checked. A value is unknown if the log begins after the setup, or if the
 device has been reset since. Only expedited transfers are read, because the checked objects have at most 4 bytes.
 """
 
@@ -138,7 +138,7 @@ class _LoggedNode:
                 yield self._contradiction(index, f'0x{can_id:03X} to be TPDO {tpdo.number}, as the layout says',
                                           f'0x{cob_id & objects.ID_MASK:03X} as TPDO {number}')
         wanted = [objects.SAM_MPDO] if tpdo.is_mpdo else [len(tpdo.mapping), *(mapped.entry for mapped in tpdo.mapping)]
-        count = self._values.get((mapping, 0), 0)  # 0 means that the mapping is being changed
+        count = self._values.get((mapping, 0), 0)  # a count of 0 means that the mapping is being changed
         seen = [self._values.get((mapping, sub)) for sub in range(len(wanted))]
         if count and any(value not in (None, ours) for value, ours in zip(seen, wanted)):
             yield self._contradiction(mapping, f'the objects {_text(wanted)} in TPDO {tpdo.number}, as the layout '

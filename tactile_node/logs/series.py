@@ -76,7 +76,7 @@ def _of_folder(folder: Path) -> tuple[Part, ...]:
     there = {file.name for file in folder.iterdir() if file.suffix in BAG_SUFFIXES}
     names = there | _recorded(folder)
     return tuple(Part(folder / name, name in there)
-                 for name in sorted(names, key=lambda name: (len(name), name)))  # sorts bag_2 before bag_10
+                 for name in sorted(names, key=lambda name: (len(name), name)))  # the key sorts bag_2 before bag_10
 
 
 def _recorded(folder: Path) -> set[str]:

@@ -54,10 +54,10 @@ class BagMessage(NamedTuple):
 
     topic: str
     type: str
-    #: time of recording [s, Unix epoch]
+    #: recording time [s, Unix epoch]
     recorded: float
-    #: time of recording on the clock of the taxel stamps, which differs from ``recorded`` in a replay or if the clocks
-    #: of two computers differ
+    #: recording time on the clock of the taxel stamps, which differs from ``recorded`` in a replay or if the clocks of
+    #: two computers differ
     stamp: float
     content: Any
 
@@ -99,7 +99,7 @@ class TopicBagReader:
         self.problem = ''
         self.damages: list[Damage] = []
         self._types = _TopicTypes(path)
-        self._behind: float | None = None  # stamp minus time of recording of the last taxel array [s]
+        self._behind: float | None = None  # difference of stamp and recording time, for the last taxel array [s]
         if TAXELS not in self.topics.values():
             got = ', '.join(f'{topic} ({kind})' for topic, kind in sorted(self.topics.items())) or (
                 'no readable topic')

@@ -260,7 +260,7 @@ class GripperClient:
             return
         for sent in self._open:
             sent.is_cancelled = True
-            if sent.is_accepted:  # cancelled by goal ID, so that later goals continue
+            if sent.is_accepted:  # this cancel names the goal, so that later goals continue
                 self._cancel(sent)
 
     def _cancel(self, sent: _Sent) -> None:

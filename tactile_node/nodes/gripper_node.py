@@ -175,7 +175,7 @@ class GripperNode(Node):
         self._grasp, self._acquired = grasp, arrival.acquired
         is_only_one = self.count_publishers(self._grasps.topic) <= 1  # if two nodes publish grasps, either may be wrong
         self._touch = touch_of(grasp, arrival.acquired).after(self._touch) if is_only_one else NO_TOUCH
-        # NaN if neither age is known, inf if only the age on arrival is not known
+        # The age is NaN if neither age is known, and inf if only the age on arrival is not known.
         held_back = arrival.age_on_arrival - age_seconds(grasp.age)
         if is_only_one and held_back != math.inf and grasp.gap_source in MEASURED and math.isfinite(grasp.gap):
             sent = arrival.steady - (0.0 if math.isnan(held_back) else held_back)
@@ -325,7 +325,7 @@ class GripperNode(Node):
                     run.reason = NOT_ENDING if is_answered and not is_ended else ''
                     return end
                 self._client.forget()
-        self._decide(run)  # decided again, because the gripper may have moved in the meantime
+        self._decide(run)  # a new decision, because the gripper may have moved in the meantime
         run.waits = False
         return run.outcome
 

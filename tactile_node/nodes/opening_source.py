@@ -143,7 +143,7 @@ class JointStatesOpening(MeasuredOpening):
     """
 
     def __init__(self, node: Node, settings: GraspNodeSettings, law: LinearGap, steady: Callable[[], float]):
-        # imported here, because the import takes 40 ms and other sources do not need it
+        # A late import, because it takes 40 ms and other sources do not need it.
         from sensor_msgs.msg import JointState
         self._joints = settings.gap_joints
         self._law = law

@@ -98,7 +98,7 @@ def face_of(message: ContactShape) -> Face:
 
 
 def _face_fit(message: ContactShape) -> FaceFit | None:
-    """Return the fit, or None without standard deviations, because they determine the weight of the fit."""
+    """Return the fit, or None if it has no standard deviations, because they determine the weight of the fit."""
     if not message.fit_valid or not message.dimension_names:
         return None
     of_each = dict(zip(message.parameter_names, map(float, message.standard_deviations)))
@@ -216,7 +216,7 @@ def requirement_of(message: GraspRequirement, known_names: Collection[str] = ())
         Raised if a limit is invalid, or if no recogniser reports a required shape, so that no grasp could ever meet the
         requirement.
     """
-    if len(message.shapes) + len(message.class_names) > 2 * MOST_REQUIRED:  # checked before the names are processed
+    if len(message.shapes) + len(message.class_names) > 2 * MOST_REQUIRED:  # this check precedes the work on the names
         raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_REQUIRED} shapes',
                        f'{len(message.shapes)} codes and {len(message.class_names)} names')
     shapes = frozenset((*map(_name, message.shapes), *message.class_names))

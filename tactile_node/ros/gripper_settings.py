@@ -19,16 +19,16 @@ class GripperSettings(ReceiverSettings):
                                     'node forwards commands')
     action_type: str = parameter('ParallelGripperCommand', 'type of both actions: ParallelGripperCommand or '
                                  'GripperCommand (control_msgs); a GripperCommand carries no speed')
-    joint: str = parameter('', 'name of the joint in a ParallelGripperCommand; empty: commands name no joint, and a '
-                           'goal may name any joint')
+    joint: str = parameter('', 'name of the joint in a ParallelGripperCommand; empty: the commands of this node name '
+                           'no joint, and a goal may name any joint')
     gap_scale: float = parameter(1.0, "change of the opening per metre or radian of the gripper's position: opening = "
                                  'gap_offset + gap_scale * position; below 0 if the gripper closes as its position '
                                  'rises', -1000, 1000)
     gap_offset: float = parameter(0.0, 'opening when the position is 0 [m]', -10, 10)
     gripper_effort: float = parameter(10.0, "effort limit sent with every command, in the gripper's unit; the limit "
                                       'still holds after this node has ended', 1e-6, 1e6)
-    stop_by: str = parameter('cancel', 'how the node stops the gripper: cancel (cancel its action), or goal (send a '
-                             'goal at its present position)')
+    stop_by: str = parameter('cancel', "way to stop the gripper: cancel (cancel the gripper's action), or goal (send a "
+                             'goal at the present position)')
     answer_timeout: float = parameter(0.5, 'time allowed for the gripper to accept a command and to confirm a stop [s]',
                                       0.02, 60)
     widest: float = parameter(LIMITS.widest, 'jaw opening when the gripper is fully open [m]; a goal of at least this '
@@ -55,7 +55,7 @@ class GripperSettings(ReceiverSettings):
     hold: bool = parameter(False, 'true: after a goal with an effort that ended as FORCE_REACHED, keep adjusting the '
                            'opening so that the force stays the same')
     gripper_step: float = parameter(HOLD.gripper_step, 'smallest change of the opening that the gripper can make [m]; '
-                                    'with stiffness and slow_speed, this step determines how far the force may be off',
+                                    'with stiffness and slow_speed, this step determines how accurate the force is',
                                     1e-6, 0.01)
     hold_travel: float = parameter(HOLD.hold_travel, 'total travel of all corrections after which a hold ends [m]',
                                    1e-5, HIGHEST_GAP)

@@ -38,7 +38,7 @@ SETTLING_TIME = 0.5
 SETTLING_TOLERANCE = 0.02  #: largest decrease that counts as jitter of the path while settling [s]
 
 #: After settling, a decrease of at most this size is attributed to a message that was faster than all earlier messages
-#: [s]. The earlier messages were older than measured by this decrease; later messages are measured correctly.
+#: [s]. By this decrease, the earlier messages were older than measured; later messages are measured correctly.
 SETTLED_ERROR = 0.05
 DRIFT = 1e-3  #: relative rate below which a decrease is attributed to a clock that drifts or is slewed
 LONGEST_GAP = 0.1  #: longest gap between messages that counts towards SETTLING_TIME [s]
@@ -165,7 +165,7 @@ class MeasurementTime:
 
 
 def use_stamps(node: Node, settings: NodeSettings) -> bool:
-    """Return True if stamps advance at the pace of the steady clock: not in a simulation or a lossless replay."""
+    """Return True if stamps advance at the pace of the steady clock, unlike in a simulation or a lossless replay."""
     return not (settings.lossless or node.get_parameter('use_sim_time').value)
 
 

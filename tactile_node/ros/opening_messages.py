@@ -17,7 +17,7 @@ from tactile_node.ros.message_health import MessageCounts, dropped_since, droppe
 from tactile_node.skin.taxel_array import RejectReason, check_finite, check_time
 
 if TYPE_CHECKING:
-    # imported only here, because the import takes 40 ms and not every grasp node needs it
+    # This import is for type checkers only, because it takes 40 ms and not every grasp node needs it.
     from sensor_msgs.msg import JointState
 
 QUATERNION_TOLERANCE = 1e-2  #: allowed error of the length of a quaternion, as in tf2

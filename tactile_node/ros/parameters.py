@@ -64,7 +64,7 @@ def _declare_without_values(node: Node, row: Parameter, descriptor: ParameterDes
     descriptor.type = kind.value
     if default[0] != '':
         node.set_parameters([RosParameter(row.name, kind, [])])
-    node.set_descriptor(row.name, descriptor)  # set last, because a read-only parameter cannot be set
+    node.set_descriptor(row.name, descriptor)  # the last step, because a read-only parameter cannot be set
 
 
 def read(node: Node, settings: type[Settings]) -> Settings:

@@ -43,7 +43,7 @@ def forward_logs_to(node: Node) -> None:
     if all(handler.node is not node for handler in _handlers()):
         package.addHandler(RosoutHandler(node))
     if package.level == logging.NOTSET:
-        package.setLevel(logging.INFO)  # set explicitly, because the default of the root logger would suppress INFO
+        package.setLevel(logging.INFO)  # the default of the root logger would suppress INFO
 
 
 def stop_forwarding_to(node: Node) -> None:

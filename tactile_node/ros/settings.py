@@ -105,8 +105,8 @@ class DriverSettings(NodeSettings):
     bitrate: int = parameter(DEFAULT_BITRATE, 'bit rate of the bus [bit/s]', 10_000, 1_000_000)
     replay: str = parameter('', 'recorded CAN log to play instead of using the bus; empty: use the bus')
     replay_pace: float = parameter(1.0, 'speed of the replay: 1 as recorded, 0 as fast as possible', 0, 1000)
-    replay_channel: str = parameter('', 'bus to play if the log contains several buses, as the log names it; for a '
-                                    'bag, the topic')
+    replay_channel: str = parameter('', 'name of the bus to play if the log contains several buses; for a bag, the '
+                                    'topic')
     replay_loop: bool = parameter(False, 'true: restart the log at its end; the stamps continue')
     publish_clock: bool = parameter(False, 'true: in a replay, publish the time of the log on /clock, for nodes with '
                                     'use_sim_time')
@@ -127,8 +127,8 @@ class DriverSettings(NodeSettings):
     sync_period: float = parameter(0.02, 'time between two SYNCs, and therefore between two taxel frames [s]',
                                    0.001, 10)
     allow_full_bus: bool = parameter(False, 'true: the pads may keep the bus busy for more than 95 % of the time, '
-                                     'although a few foreign frames then cost sweeps; false: refuse such a bus load at '
-                                     'configure')
+                                     'although a few foreign frames then cause lost sweeps; false: refuse such a bus '
+                                     'load at configure')
     produce_sync: bool = parameter(True, 'true: the driver sends SYNC; false: another node on the bus sends it')
     boot_timeout: float = parameter(5.0, 'time allowed for each device to answer at configure [s]', 0.1, 3600)
     sdo_timeout: float = parameter(0.3, 'time allowed for each SDO response of a device [s]', 0.02, 60)
@@ -141,8 +141,8 @@ class DriverSettings(NodeSettings):
                               'report faults')
     tare_limit: float = parameter(0.0, 'reading at which a taxel starts to count as pressed when a tare is requested '
                                   f'[unit of the taxels]; 0: by the unit ({TARE_LIMIT_BY_UNIT["Pa"] / 1e3:g} kPa, '
-                                  f'{TARE_LIMIT_BY_UNIT["N"]:g} N). A contact is refused whatever the limit', 0, 1e9,
-                                  live=True)
+                                  f'{TARE_LIMIT_BY_UNIT["N"]:g} N). A tare under a contact is refused at any limit', 0,
+                                  1e9, live=True)
     follow_drift: bool = parameter(False, 'true: the zero of the taxels follows slow drift while no taxel reads half '
                                    "of tare_limit, or half of the unit's own limit if that is lower; it never follows "
                                    'a grasp', live=True)
@@ -152,15 +152,15 @@ class DriverSettings(NodeSettings):
     faulty_taxels_file: str = parameter('', 'YAML file with taxels that are faulty from the start; '
                                         '`~/save_faulty_taxels` writes the detected faulty taxels to this file; empty: '
                                         'none')
-    frozen_after: float = parameter(0.0, 'time without a change of one count in any taxel after which a pad is '
-                                    'reported as frozen and its taxels are NaN [s]; for skins whose readings always '
-                                    'vary; 0: never', 0, 3600, live=True)
+    frozen_after: float = parameter(0.0, 'time after which a pad is reported as frozen and its taxels become NaN, if '
+                                    'no taxel has changed by a count [s]; only for skins whose readings always vary; '
+                                    '0: never', 0, 3600, live=True)
     gain_files: tuple[str, ...] = parameter(('',), 'per-taxel gains of each pad, or one file for all: text with one '
                                             'line for each row of the pad, or .npy; empty: none')
     response_files: tuple[str, ...] = parameter(('',), "response of each pad's skin, or one response for all pads, "
                                                 'from `tactile calibrate`: the driver converts readings to pressures '
-                                                'with its curve, and fits use its depth of the taxels; empty: not '
-                                                'known')
+                                                'with the curve in the file, and fits use the depth of the taxels; '
+                                                'empty: not known')
     drop_incomplete: bool = parameter(False, 'true: withhold and count a sweep that lacks CAN frames; false: publish '
                                       'it with NaN and status STALE', live=True)
     wait_at_start: bool = parameter(True, 'true: with autostart, wait for a missing bus or device; false: exit instead')
@@ -171,10 +171,10 @@ class DriverSettings(NodeSettings):
 @dataclass(frozen=True)
 class ProcessorSettings(ReceiverSettings):
     press_threshold: float = parameter(0.0, 'reading at which a taxel becomes pressed [unit of the taxels]; 0: a taxel '
-                                       'is pressed if it stands out of the noise (at least '
+                                       'is pressed if it stands out from the noise (at least '
                                        f'{LEAST_BY_UNIT["Pa"] / 1e3:g} kPa, {LEAST_BY_UNIT["N"]:g} N) and reads half '
-                                       f'of the level of its contact; on/off taxels from {PRESS_BY_UNIT["1"]:g} on', 0,
-                                       1e9, live=True)
+                                       f"of its contact's level; on/off taxels are pressed from {PRESS_BY_UNIT['1']:g} "
+                                       'on', 0, 1e9, live=True)
     release_ratio: float = parameter(RELEASE_RATIO, 'fraction of press_threshold, if one is given, below which a '
                                      'pressed taxel is released', 0.01, 1.0, live=True)
     smallest_contact: int = parameter(SMALLEST_CONTACT, 'number of taxels in the smallest contact that is reported; a '

@@ -94,7 +94,7 @@ class ContactMarkers:
         centres, palette, pitch = self._centres_of(contact), self._palette, contact.pitch
         colours = numbers.reshape(-1).tolist()
         marker = _marker(Marker.CUBE_LIST, TAXEL * pitch, TAXEL * pitch, THICKNESS * pitch)
-        marker.color = TEXT  # required by the message, but unused, because each taxel has its own colour
+        marker.color = TEXT  # the message requires this colour, but each taxel has its own
         marker.points = [centres[place] for place in places]
         marker.colors = [palette[colours[place]] for place in places]
         return marker
@@ -130,7 +130,7 @@ def _axes(contact: Contact, shape: ContactShape) -> Marker | None:
     x, y = length * math.cos(angle), length * math.sin(angle)
     centre = _above(contact, pose.position.x, pose.position.y)
     marker = _marker(Marker.LINE_LIST, LINE_WIDTH * contact.pitch)
-    marker.color = TEXT  # required by the message, but unused, because each point has its own colour
+    marker.color = TEXT  # the message requires this colour, but each point has its own
     marker.points = [centre, _above(contact, centre.x + x, centre.y + y),
                      centre, _above(contact, centre.x - y, centre.y + x)]
     marker.colors = [X_AXIS, X_AXIS, Y_AXIS, Y_AXIS]

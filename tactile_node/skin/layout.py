@@ -58,7 +58,7 @@ def read_event_driven(top: Section) -> EventDriven | None:
         section.refuse('event_timer', expected='a time > 0, because each TPDO is sent at its own time', got='0',
                        remedy='Without it, a TPDO that is no longer sent looks like one whose taxels do not change.')
     else:
-        max_age = section.number('max_age', 3 * timer, positive=True)  # tolerates two consecutive lost transmissions
+        max_age = section.number('max_age', 3 * timer, positive=True)  # two transmissions in a row may be lost
     section.done()
     return EventDriven(kind, timer, inhibit, is_sweeps, period, max_age)
 

@@ -70,8 +70,8 @@ def _cob_id(dictionary: ObjectDictionary, index: int, node_id: int) -> objects.C
     return objects.CobId(base & objects.ID_MASK, bool(variable.relative))
 
 
-FILL_IN = 'FILL IN'     #: marks a value that no EDS contains
-GUESS = 'GUESS'         #: marks a value that this EDS does not contain
+FILL_IN = 'FILL IN'     #: mark of a value that no EDS contains
+GUESS = 'GUESS'         #: mark of a value that this EDS does not contain
 MAX_BITS = 32           #: maximum number of bits per taxel
 TAXELS_IN_LINE = 6      #: number of taxels in each line of a list
 
@@ -116,7 +116,7 @@ def draft(dictionary: ObjectDictionary, node_id: int, eds: str, known: Known) ->
     starts = {tpdo.number: _starts(tpdo.mapping, bits, is_packed=known.bits is not None) for tpdo in tpdos}
     taxels = sum(map(len, starts.values()))
     if not taxels:
-        raise ConfigurationError(f'{eds}, TPDOs', expected=f'objects of {bits} bits or more that TPDOs map by default',
+        raise ConfigurationError(f'{eds}, TPDOs', expected=f'objects of at least {bits} bits that TPDOs map by default',
                                  got='none', remedy='Correct --bits, or write the layout by hand.')
     shape = _shape(taxels, known, eds)
     lines = [*_head(eds, taxels, shape, known.bits is None, bits, _is_signed(dictionary, tpdos, bits)), 'tpdos:']
@@ -159,7 +159,7 @@ def _shape(taxels: int, known: Known, eds: str) -> PadShape:
     if rows is None:
         rows = -(-taxels // cols)
     if rows * cols < taxels or max(rows, cols) > MAX_SIDE:
-        raise ConfigurationError(f'{eds}, TPDOs', expected=f'{rows} x {cols} taxels at most, {MAX_SIDE} on a side',
+        raise ConfigurationError(f'{eds}, TPDOs', expected=f'at most {rows} x {cols} taxels, {MAX_SIDE} on a side',
                                  got=str(taxels), remedy='Correct --rows, --cols or --bits.')
     return PadShape(rows, cols, known.rows is None or known.cols is None)
 

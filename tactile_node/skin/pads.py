@@ -83,7 +83,7 @@ def make_pads(layouts: Sequence[str], node_ids: Sequence[int], names: Sequence[s
         loaded *= max(1, len(node_ids) // loaded[0].nodes)
     if sum(layout.nodes for layout in loaded) != len(node_ids):
         needed = ' + '.join(str(layout.nodes) for layout in loaded)
-        raise ConfigurationError('node-IDs', expected=f"a node-ID for each of the pads' nodes: {needed} of them",
+        raise ConfigurationError('node-IDs', expected=f"{needed} node-IDs, one for each of the pads' nodes",
                                  got=str(list(node_ids)),
                                  remedy='Give one node-ID for each pad, or several if its layout has "nodes".')
     left = iter(node_ids)

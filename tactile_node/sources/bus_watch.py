@@ -65,7 +65,7 @@ class OverloadWatch:
         if dropped != self._dropped:
             self._dropped = dropped
             self._see(Overload.DROPPED, now)
-        put_at = self._put_at  # read once, because the chain may change it
+        put_at = self._put_at  # a copy, because the chain may change the attribute
         if put_at is None:
             self._put_at = now
             self._put(self._reached)

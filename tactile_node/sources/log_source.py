@@ -27,7 +27,7 @@ class LogSource:
     """A FrameSource that plays a CAN log.
 
     ``stop`` pauses the log, and ``start`` continues at the next CAN frame. Playback stops with a failure if the device
-    set-up in the log contradicts the layout or the identity in the EDS.
+    setup in the log contradicts the layout or the identity in the EDS.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class LogSource:
             return
         self.finished.clear()
         messages = self._all_messages()
-        # reads one message, so that `open` raises LogError for an unreadable log
+        # Reading one message here lets `open` raise LogError for an unreadable log.
         self._messages = itertools.chain([next(messages)], messages)
         logger.info('Playing %s.', self._path)
 
@@ -165,7 +165,7 @@ class LogSource:
                 yield message
             if not self._loop or first is None or last is None:
                 return
-            self._router.end()  # otherwise the first CAN frames could complete the last sweep
+            self._router.end()  # without this, the first CAN frames could complete the last sweep
             self._unread += self.reader.unread
             shift += last - first
 
@@ -228,7 +228,7 @@ class LogSource:
         found = self._set_up.feed(message.arbitration_id, bytes(message.data))
         if found is not None:
             raise LogError(f'{self._path}, {node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}',
-                           expected=found.expected, got=f'{found.got} according to the SDO answers in the log',
+                           expected=found.expected, got=f'{found.got} according to the SDO responses in the log',
                            remedy='Give the layout and EDS of the device that was recorded.')
 
     def _died(self, error: Exception) -> None:

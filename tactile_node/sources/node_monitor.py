@@ -91,11 +91,11 @@ class NodeMonitor:
 
     @property
     def is_trusted(self) -> bool:
-        """True if the TPDOs match the layout, because the node has not restarted or been changed since its set-up."""
+        """True if the TPDOs match the layout, because the node has not restarted or been changed since its setup."""
         return self._configured == self.setup
 
     def untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
-        """Return those of the node's TPDOs (or its DOMAIN) whose values in ``frame`` may not match the layout."""
+        """Return the node's TPDOs (or its DOMAIN) whose values in ``frame`` may not match the layout."""
         carriers, ages = self.node.layout.carriers, frame.tpdo_ages
         if not self.is_trusted or self.traffic.are_two:
             return carriers
@@ -227,7 +227,7 @@ class NodeMonitor:
         if is_silent:
             has_still = now - self.data_at <= self._data_timeout / 2 or self._is_overloaded
             return NodeFault.NO_HEARTBEAT if is_active and has_still else NodeFault.SILENT
-        # A node may take three heartbeat times, but at least 0.3 s, to execute a command and report its new state.
+        # A node has three heartbeat times, but at least 0.3 s, to execute a command and report its new state.
         if not is_active or now - self._commanded < max(0.3, 3 * (self._heartbeat_time or 0.0)):
             return NodeFault.NONE
         if self._heard.state != NmtState.OPERATIONAL:

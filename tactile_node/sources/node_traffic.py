@@ -110,7 +110,7 @@ class HeartbeatWatch(CountWindow):
         window = 3 * (delay + 2 * period)
         self.look(now, (heartbeats, guarded), window / LOOKS_IN_WINDOW, window)
         begun, (heartbeats_then, guarded_then) = self._looks[0]
-        expected = 1.25 * (now - begun + delay) / period + 2  # tolerates clock errors and pauses of the producer
+        expected = 1.25 * (now - begun + delay) / period + 2  # margin for clock errors and pauses of the producer
         return now - begun >= window and guarded == guarded_then and heartbeats - heartbeats_then > expected
 
 

@@ -42,7 +42,7 @@ class OutageClock(Generic[Cause]):
 
     def running_for(self, now: float) -> float:
         """Return the duration of the ongoing outage so far [s], or 0 if there is none."""
-        begun = self._begun  # read once, because another thread may end the outage
+        begun = self._begun  # a copy, because another thread may end the outage
         return 0.0 if begun is None else now - begun
 
 

@@ -203,7 +203,7 @@ class Supervisor:
                 self._watch.overload.restart()
             if self._bus.failure is None:
                 begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.traffic.syncs_sent
-                now = time.monotonic()  # read only once, so that a backlog after a stall does not count as silence
+                now = time.monotonic()  # a single reading, so that a backlog after a stall does not count as silence
                 self._watch.overload.woke(now, late + now - begun)
                 seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)
                 if not self._node_recovery.attend(now, self._is_active, statistics, seen):

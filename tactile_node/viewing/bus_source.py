@@ -1,6 +1,6 @@
 """Data sources that the views can use without ROS: a live bus and a recording.
 
-While a live bus is being viewed, this process acts as its CANopen master.
+While a viewer shows a live bus, this process is the CANopen master of that bus.
 """
 
 import math
@@ -46,7 +46,8 @@ class NewestFrames:
 
 
 class BusSource(ViewSource):
-    """A live bus that is open only between `start` and `stop`, so that nothing is sent while nobody is watching."""
+    """A live bus that is open only between `start` and `stop`, so that the source sends nothing while nobody is
+    watching."""
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], recogniser: VisibilityGuard | None = None):
         self._settings, self._pads = settings, pads
@@ -131,7 +132,7 @@ class RecordingSource(ViewSource):
         self._recogniser = recogniser or make_recogniser()
         self._recognisers: dict[str, PadRecogniser] = {}
         self._shown: dict[str, Moment] = {}
-        self._lock = threading.Lock()  # guards position and is_playing; only this class sets them
+        self._lock = threading.Lock()  # this lock protects position and is_playing, which only this class sets
         self.position = 0.0  #: playback position [s since the start of the recording]
         self.is_playing = True
         self.player = self
@@ -146,7 +147,7 @@ class RecordingSource(ViewSource):
         return max(self._timeline.end - self._timeline.begin, 0.0)
 
     def play(self, is_playing: bool) -> None:
-        """Play or pause. If playback is resumed at the end of the recording, it restarts from the beginning."""
+        """Play or pause. Playback that is resumed at the end of the recording restarts from the beginning."""
         with self._lock:
             if is_playing and self.is_complete and self.position >= self.length:
                 self.position = 0.0

@@ -18,32 +18,33 @@ HIGH_LOAD = 0.9  #: bus load above which other traffic delays sweeps, as a fract
 class Remark(Enum):
     """Kinds of findings. Each value holds True for a problem or False for a hint, and the sentence to show."""
 
-    WRONG_DEVICE = True, ('Pad {where}: the SDO answers in the log show another device, or another mapping, than '
-                          'layout and EDS. Its taxels are left out; see the pad.')
-    STRANGERS = True, ('Pad {where}: its own nodes sent no heartbeat, but {number:.0f} other nodes that send the same '
-                       'COB-IDs did. The taxels may belong to another pad. Check the node-IDs.')
-    NO_TAXELS = True, ('Pad {where}: no taxels in this recording. Check --node-id and --layout, and whether SYNC was '
-                       'sent.')
+    WRONG_DEVICE = True, ('Pad {where}: the SDO responses in the log show a different device or mapping than the '
+                          'layout and its EDS. The page omits the taxels; see the section of this pad.')
+    STRANGERS = True, ('Pad {where}: the nodes of this pad sent no heartbeat, but {number:.0f} other nodes with the '
+                       'same COB-IDs did. The taxels may belong to another pad. Check the node-IDs.')
+    NO_TAXELS = True, ('Pad {where}: this recording contains no taxels. Check --node-id and --layout, and check that '
+                       'SYNC was sent.')
     UNREAD = True, '{number:.0f} lines, messages or parts of the file could not be read.'
-    CLOCK_JUMPS = True, 'The clock was set back {number:.0f} times while recording.'
-    LOST_CAN_FRAMES = True, 'Pad {where}: {number:.0f} CAN frames are in no taxel frame; see the pad for the reasons.'
-    LOST_FRAMES = True, 'Pad {where}: {number:.0f} taxel frames are missing according to their sequence numbers.'
+    CLOCK_JUMPS = True, 'The clock was set back {number:.0f} times during the recording.'
+    LOST_CAN_FRAMES = True, ('Pad {where}: {number:.0f} CAN frames were not used for any taxel frame. The section of '
+                             'this pad lists the reasons.')
+    LOST_FRAMES = True, 'Pad {where}: according to the sequence numbers, {number:.0f} taxel frames are missing.'
     INCOMPLETE = True, 'Pad {where}: {number:.0f} taxel frames lack CAN frames.'
     TAXEL_GAPS = True, 'Pad {where}: {number:.0f} gaps of half a second or longer without a taxel frame.'
     # an idle bus is not a problem
     BUS_GAPS = False, '{number:.0f} gaps of half a second or longer without any CAN frame.'
-    EMERGENCIES = True, 'Node {where} sent {number:.0f} EMCYs, which include errors.'
+    EMERGENCIES = True, 'Node {where} sent {number:.0f} EMCYs, at least one of which reports an error.'
     BOOTED_AGAIN = True, 'Node {where} restarted during the recording; number of boot-ups: {number:.0f}.'
-    TWO_VALUES = True, 'Node {where}: its identity changed. Two devices answered under this node-ID.'
+    TWO_VALUES = True, 'Node {where}: the identity changed, so two devices answered with this node-ID.'
     FAULTY_TAXELS = True, 'Pad {where}: {number:.0f} taxels are dead, stuck or flickering.'
-    NODE_OF_NO_PAD = False, ('Node {where} was heard but belongs to no pad of this report. If it is a skin, add it to '
-                             '--node-id.')
-    BUS_FULL = True, 'The bus was busy for {number:.0%} of a second, with the worst case of bit stuffing.'
-    ERROR_FRAMES = True, '{number:.0f} error frames from the CAN controller.'
+    NODE_OF_NO_PAD = False, ('Node {where} was heard but does not belong to any pad in this report. If the node is a '
+                             'skin, add its node-ID to --node-id.')
+    BUS_FULL = True, 'The highest bus load was {number:.0%}, assuming worst-case bit stuffing.'
+    ERROR_FRAMES = True, 'The CAN controller reported {number:.0f} error frames.'
     LEFT_OUT = False, 'Pad {where}: {number:.0f} more touches are not listed.'
     SEVERAL_BUSES = True, ('The recording has CAN frames from {number:.0f} buses. Load, gaps and nodes cover all of '
                            'them; choose one with --channel.')
-    REPORTED = True, 'The driver reported {number:.0f} changes to a warning or an error; see the bus.'
+    REPORTED = True, 'The driver reported {number:.0f} changes to a warning or an error; see the section "Bus".'
 
     @property
     def is_problem(self) -> bool:

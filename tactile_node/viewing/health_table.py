@@ -63,7 +63,7 @@ def health_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
         If ``before`` is None, all losses are shown in red.
     """
     if facts is None:
-        return '<div class="tactile-note">this source has no status of a bus</div>'
+        return '<div class="tactile-note">this source has no bus status</div>'
     load = 'not known (log)' if math.isnan(facts.load) else f'{facts.load:.0%}'
     if age > OLD_STATUS_AGE:  # the current state of the bus and its nodes is unknown
         load = 'not known'

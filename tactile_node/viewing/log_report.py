@@ -77,7 +77,7 @@ END_POLL = 0.1  #: polling period for the end of the log [s]
 class LogReporter:
     """Plays a CAN log once, as fast as possible, and makes a report.
 
-    The report omits a pad's taxels if the device set-up in the log contradicts the layout or EDS, or if other nodes
+    The report omits a pad's taxels if the device setup in the log contradicts the layout or EDS, or if other nodes
     send the pad's COB-IDs.
 
     Parameters

@@ -118,7 +118,7 @@ class PadReport:
     gaps: LongestGaps                     #: gaps between taxel frames
     touches: TouchList
     samples: tuple[Sample, ...]
-    health: TaxelHealth | None            #: None if there is no taxel frame
+    health: TaxelHealth | None            #: statistics of the taxels, or None without a taxel frame
     node_ids: tuple[int, ...] = ()        #: node-IDs of the pad, or empty if the recording does not contain them
     layout: str | None = None             #: name of the layout
     layout_sha256: str | None = None
@@ -171,7 +171,7 @@ class SeenCommand(NamedTuple):
 
     stamp: float
     command: int
-    node_id: int  #: 0 addresses all nodes
+    node_id: int  #: addressed node, where 0 stands for all nodes
 
 
 @dataclass(frozen=True)

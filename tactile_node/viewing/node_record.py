@@ -50,7 +50,7 @@ class BusRecord:
         self._bit_rate = bit_rate
         self._bits: Counter[int] = Counter()  # bits in each window, counted from the first CAN frame
         self._gaps = LongestGaps(BUS_GAP)
-        # taken from received frames only, because sent frames may lack the name of the bus
+        # Only received frames count, because sent frames may lack the name of the bus.
         self._channels: set[str] = set()
         self._commands: Ends[SeenCommand] = Ends()
         self.begin: float | None = None  #: stamp of the first frame

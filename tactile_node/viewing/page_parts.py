@@ -100,7 +100,7 @@ class Scales:
 
     def __init__(self, fixed: float | None = None):
         self._fixed = fixed
-        # by pad name and unit, because a new layout may change the unit
+        # The key contains pad name and unit, because a new layout may change the unit.
         self._scales: dict[tuple[str, str], FullScale] = {}
 
     def drawn_now(self, source: ViewSource, shown: Shown) -> list[DrawnPad]:
@@ -172,8 +172,8 @@ def _other_clock(behind: float) -> str:
     """Return a warning if the stamps are far from this computer's clock, as in a replay that keeps the log's stamps."""
     if not abs(behind) > CLOCK_DIFFERENCE_LIMIT:
         return ''
-    return (f'; the stamps are {abs(behind):.0f} s {"before" if behind > 0 else "after"} the time of this computer: it '
-            'is a replay, or the clocks differ')
+    return (f'; the stamps are {abs(behind):.0f} s {"before" if behind > 0 else "after"} the time of this computer, '
+            'because this is a replay or the clocks differ')
 
 
 def status_html(facts: PageFacts, pads: list[DrawnPad], page: int, number: int) -> str:

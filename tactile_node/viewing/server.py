@@ -30,7 +30,7 @@ class ViewServer:
         self._pages: dict[int, Page] = {}
         self._is_closing = False
         self.is_source_on = False
-        with redirect_stdout(io.StringIO()):  # suppresses viser's message, which shows the address behind the gate
+        with redirect_stdout(io.StringIO()):  # viser's message would show the address behind the gate
             inner_host = _inner_host()
             self._viser = viser.ViserServer(host=inner_host, port=0, verbose=False)
         # Without this override, a browser could request a tunnel through a server on the internet.

@@ -25,7 +25,7 @@ class Shown(NamedTuple):
     pads: Mapping[str, PadState | None]  #: state by pad name, None before the pad's first frame
     bus: BusFacts | None = None
     bus_acquired: float = 0.0        #: time of the bus facts, by time.monotonic [s]
-    grasp: GraspFacts | None = None  #: None if no grasp was received
+    grasp: GraspFacts | None = None  #: latest grasp, or None if none was received
     problem: str = ''                #: reason why the source delivers no data, or '' while it works
 
 
