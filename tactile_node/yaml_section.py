@@ -1,17 +1,17 @@
-"""Read typed keys of a YAML mapping. Every error is a ConfigurationError that names the file and the key."""
+"""Read the keys of a YAML mapping. Every error is a ConfigurationError that names the file and the key."""
 
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from reprlib import Repr
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 import yaml
 
 from tactile_node.errors import ConfigurationError
 
-_NO_DEFAULT = object()
+REQUIRED = object()  #: stands for the default of a key that must be given
 LARGEST_NUMBER = 1e300  #: Largest number accepted. A whole number in YAML may be larger than any float.
 
 #: Largest size of a file [bytes]. No pad on a CAN bus needs a larger file, and a larger file takes seconds to read.
@@ -72,7 +72,7 @@ def load_mapping(path: Path, about: str) -> 'Section':
                                  remedy='Correct the YAML.') from error
     if not isinstance(content, dict):
         raise ConfigurationError(str(path), expected=f'{about}: a YAML mapping of keys to values',
-                                 got=_kind(content), remedy='Start from a file in config/.')
+                                 got=shown_with_type(content), remedy='Start from a file in config/.')
     return Section(content, str(path))
 
 
@@ -132,18 +132,30 @@ def shown(value: Any) -> str:
     return _Short().repr(value)[:SHOWN]
 
 
-def _kind(value: Any) -> str:
+def shown_with_type(value: Any) -> str:
+    """Return the type and the beginning of a YAML value as error messages show them."""
     return 'nothing' if value is None else f'{type(value).__name__} {shown(value)}'[:SHOWN]
 
 
+class ValueKind(Protocol):
+    """Interface of a kind of value: ``yaml_keys`` has a class for each kind."""
+
+    def read(self, section: 'Section', key: str, value: Any) -> Any:
+        """Return ``value`` in an immutable form. Raise the ConfigurationError for ``key`` if the value is not valid."""
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON schema of the valid values."""
+
+
 class Section:
-    """A mapping whose keys are read one by one. Each method checks the value of one key.
+    """A mapping whose keys are read one by one.
 
     A key without a ``default`` is required. The method `done` rejects all keys that were not read. Every violation
     raises a ConfigurationError that names the file and the key. YAML values can have any type, hence ``Any``.
 
+    >>> from tactile_node.yaml_keys import OneOf, Whole
     >>> section = Section({'rows': 16, 'unit': 'Pa'}, 'skin.yaml')
-    >>> section.integer('rows', 1, 1024), section.choice('unit', ('Pa', 'N'))
+    >>> section.read('rows', Whole(1, 1024)), section.read('unit', OneOf(('Pa', 'N')))
     (16, 'Pa')
     >>> section.done()
     """
@@ -154,82 +166,35 @@ class Section:
         self._path = path
         self._taken: list[str] = []
 
-    @property
-    def path(self) -> str:
-        """Key of this section in the file; '' for the top level."""
-        return self._path
-
     def refuse(self, key: str, *, expected: str, got: str, remedy: str) -> NoReturn:
         """Raise the ConfigurationError for ``key``."""
         raise ConfigurationError(f'{self._where}, key "{self._name(key)}"', expected=expected, got=got,
                                  remedy=remedy)
 
-    def take(self, key: str, default: Any = _NO_DEFAULT) -> Any:
+    def take(self, key: str, default: Any = REQUIRED) -> Any:
         """Return the value of ``key``, which may have any type."""
         self._taken.append(key)
         if key in self._mapping:
             return self._mapping[key]
-        if default is _NO_DEFAULT:
+        if default is REQUIRED:
             close = self._close(key, self._mapping)
             self.refuse(key, expected='a value', got='no such key',
                         remedy=f'Add "{key}:", or rename "{close}" to it.' if close else f'Add "{key}:".')
         return default
 
-    def integer(self, key: str, low: int, high: int, default: Any = _NO_DEFAULT) -> int:
-        """Return a whole number from ``low`` to ``high``, inclusive."""
-        return self.checked_integer(key, self.take(key, default), low, high)
-
-    def checked_integer(self, key: str, value: Any, low: int, high: int) -> int:
-        """Return ``value``, which belongs to ``key``, after the checks of `integer`."""
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            self.refuse(key, expected=f'a whole number {low}..{high}', got=_kind(value),
-                        remedy='Correct the number.')
-        return value
-
-    def number(self, key: str, default: Any = _NO_DEFAULT, *, positive: bool = False) -> float:
-        """Return a finite number in SI units."""
+    def read(self, key: str, kind: ValueKind, default: Any = REQUIRED) -> Any:
+        """Return the value of ``key``, checked by its kind, or ``default`` if the key is missing."""
         value = self.take(key, default)
-        good = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST_NUMBER
-        if not good or (positive and value <= 0):
-            self.refuse(key, expected=f'a{" positive" if positive else ""} number', got=_kind(value),
-                        remedy='Write it in SI units, 2 mm as 0.002.')
-        return float(value)
+        return kind.read(self, key, value) if key in self._mapping else value
 
-    def choice(self, key: str, options: tuple[Any, ...], default: Any = _NO_DEFAULT) -> Any:
-        """Return one of ``options``, which must be all booleans or all strings."""
-        value = self.take(key, default)
-        if value not in options or isinstance(value, bool) != isinstance(options[0], bool):
-            self.refuse(key, expected=f'one of {", ".join(map(repr, options))}', got=_kind(value),
-                        remedy='Choose one of these.')
-        return value
-
-    def sequence(self, key: str, default: Any = _NO_DEFAULT) -> list[Any]:
-        """Return a list of values of any type."""
-        value = self.take(key, default)
-        if not isinstance(value, (list, tuple)):
-            self.refuse(key, expected='a list', got=_kind(value),
-                        remedy='Write it as [a, b] or as lines with "-".')
-        return list(value)
-
-    def integers(self, key: str, count: int, low: int, high: int) -> tuple[int, ...]:
-        """Return ``count`` whole numbers from ``low`` to ``high``."""
-        return self.checked_integers(key, self.take(key), count=count, low=low, high=high)
-
-    def checked_integers(self, key: str, value: Any, count: int, low: int, high: int) -> tuple[int, ...]:
-        """Return ``value``, which belongs to ``key``, after the checks of `integers`."""
-        if not isinstance(value, (list, tuple)) or len(value) != count:
-            self.refuse(key, expected=f'a list of {count} whole numbers', got=_kind(value),
-                        remedy='Correct the list.')
-        return tuple(self.checked_integer(key, item, low, high) for item in value)
-
-    def section(self, key: str, default: Any = _NO_DEFAULT) -> 'Section':
+    def section(self, key: str, default: Any = REQUIRED) -> 'Section':
         """Return a mapping as a separate section."""
         return self.subsection(key, self.take(key, default))
 
     def subsection(self, key: str, value: Any) -> 'Section':
-        """Return ``value``, which belongs to ``key``, after the checks of `section`."""
+        """Return ``value``, which belongs to ``key``, as a separate section."""
         if not isinstance(value, dict):
-            self.refuse(key, expected='a mapping of keys to values', got=_kind(value),
+            self.refuse(key, expected='a mapping of keys to values', got=shown_with_type(value),
                         remedy='Write it as {key: value, ...} or as indented lines.')
         return Section(value, self._where, self._name(key))
 

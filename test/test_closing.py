@@ -18,10 +18,10 @@ from tactile_node.grasp.closing import (
     START_TIME,
     Clearing,
     Closing,
+    ForceReading,
     Outcome,
-    PadForce,
-    Touch,
     TouchLimits,
+    TouchReading,
     Widening,
     make_goal,
 )
@@ -30,7 +30,7 @@ from tactile_node.grasp.tracker import GraspContact
 PERIOD = 0.02  # Time between two frames [s].
 LATENCY = 0.04  # Delay until the control sees a frame [s].
 THRESHOLD = 0.05  # Force above which a pad counts as touched [N].
-EMPTY = PadForce(0.0)
+EMPTY = ForceReading(0.0)
 LIMITS = TouchLimits()
 
 
@@ -54,9 +54,9 @@ class World:
         depths = [self.depth(1), self.depth(-1)]
         forces = [max(0.0, 2 * self.stiffness * each) for each in depths]
         self.strongest = max(self.strongest, *forces)
-        pads = [self.bends(PadForce(force), now) for force in forces]
+        pads = [self.bends(ForceReading(force), now) for force in forces]
         contact = GraspContact(GraspContact.NO_CONTACT + sum(force > THRESHOLD for force in forces))
-        return Touch(now, True, contact, tuple(pads))
+        return TouchReading(now, True, contact, tuple(pads))
 
     def close(self, closing, limit=30.0, seen=None, step=0.001):
         """Close until the control stops, and return the outcome and the time."""
@@ -65,7 +65,7 @@ class World:
             if round(now / PERIOD) * PERIOD == pytest.approx(now, abs=step / 2):
                 frames.append((now, self.touch(now)))
             current = [touch for at, touch in frames if at <= now - LATENCY]
-            touch = current[-1] if current else Touch(now, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
+            touch = current[-1] if current else TouchReading(now, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
             outcome = closing.look(now, seen(touch, now) if seen else touch, self.opening)
             self.opening -= closing.speed * step
             now += step
@@ -121,7 +121,7 @@ def test_the_gripper_closes_only_while_the_pads_are_seen_and_current(fault, expe
     assert world.opening == pytest.approx(0.06 - at * LIMITS.fast_speed, abs=1e-4)
 
 
-HIDDEN = (PadForce(0.1, is_hidden=True), PadForce(0.1, is_hidden=True))
+HIDDEN = (ForceReading(0.1, is_hidden=True), ForceReading(0.1, is_hidden=True))
 
 
 @pytest.mark.parametrize(('fault', 'begin', 'end'), [
@@ -142,7 +142,7 @@ def test_the_gripper_rests_while_a_pad_is_briefly_unseen(fault, begin, end):
 
 
 def test_closing_continues_only_after_a_stop_and_slowly_after_a_touch():
-    seen = Touch(1.0, True, GraspContact.ONE_SIDED, (PadForce(0.5), EMPTY))
+    seen = TouchReading(1.0, True, GraspContact.ONE_SIDED, (ForceReading(0.5), EMPTY))
     control = closing(3.0)
     assert control.look(1.0, seen, 0.04) is None
     assert control.look(1.2, seen._replace(acquired=1.2, fresh=False), 0.04) is None and control.speed == 0.0
@@ -152,7 +152,7 @@ def test_closing_continues_only_after_a_stop_and_slowly_after_a_touch():
 
 
 def test_time_in_which_the_gripper_has_yet_to_stop_is_not_blind_while_the_pads_are_seen():
-    seen = Touch(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
+    seen = TouchReading(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
     control = closing(3.0)
     assert control.look(0.0, seen, 0.06) is None
     assert control.look(0.2, seen, 0.06) is None and control.speed == 0.0
@@ -168,17 +168,17 @@ def test_a_gripper_that_does_not_move_is_too_slow_even_if_pads_are_unseen_at_tim
     while outcome is None and now < 60.0:
         is_seen = now % 1.0 < 0.7
         blind += 0.0 if is_seen else 0.01
-        outcome = control.look(now, Touch(now, is_seen, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.06)
+        outcome = control.look(now, TouchReading(now, is_seen, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.06)
         now += 0.01
     assert outcome is Outcome.TOO_SLOW
     assert now - blind == pytest.approx(START_TIME + SLOWNESS * 0.06 / LIMITS.fast_speed, abs=0.3)
 
 
 def test_one_frame_that_is_not_seen_changes_nothing_but_what_the_other_pad_reads():
-    seen = Touch(1.0, True, GraspContact.TWO_SIDED, (PadForce(1.0), PadForce(2.0)))
-    unseen = Touch(1.02, True, GraspContact.UNSEEN, (PadForce(), PadForce(4.0)))
+    seen = TouchReading(1.0, True, GraspContact.TWO_SIDED, (ForceReading(1.0), ForceReading(2.0)))
+    unseen = TouchReading(1.02, True, GraspContact.UNSEEN, (ForceReading(), ForceReading(4.0)))
     # The merged touch keeps the stamp of the earlier frame.
-    assert unseen.after(seen) == seen._replace(pads=(PadForce(1.0), PadForce(4.0)), is_whole=False)
+    assert unseen.after(seen) == seen._replace(pads=(ForceReading(1.0), ForceReading(4.0)), is_whole=False)
     assert seen.after(unseen) == seen and unseen.after(NO_TOUCH).is_seen is False
     control = closing(3.0)
     assert control.look(1.0, seen, 0.04) is None
@@ -188,7 +188,7 @@ def test_one_frame_that_is_not_seen_changes_nothing_but_what_the_other_pad_reads
     assert closing(3.0).look(1.3, blind.after(seen), 0.04) is Outcome.NOT_SEEN
 
 
-@pytest.mark.parametrize('pad', [PadForce(0.1, is_hidden=True), PadForce(math.nan)], ids=['hidden', 'on/off'])
+@pytest.mark.parametrize('pad', [ForceReading(0.1, is_hidden=True), ForceReading(math.nan)], ids=['hidden', 'on/off'])
 def test_an_indefinite_force_is_not_trusted(pad):
     world = World(bends=lambda real, now: pad if real.force > 0 else real)
     assert world.close(closing(5.0))[0] is Outcome.FORCE_NOT_KNOWN
@@ -196,20 +196,20 @@ def test_an_indefinite_force_is_not_trusted(pad):
 
 
 def test_the_limit_has_a_margin_for_a_contact_that_extends_beyond_the_pad():
-    world = World(bends=lambda real, now: PadForce(real.force * 0.6, is_bound=True))
+    world = World(bends=lambda real, now: ForceReading(real.force * 0.6, is_bound=True))
     assert world.close(closing(5.0))[0] is Outcome.FORCE_REACHED
     assert world.strongest <= 5.0 + LIMITS.overshoot(LIMITS.slow_speed)
 
 
 def test_the_weaker_pad_does_not_hold_the_limit_back():
-    forces = iter([PadForce(6.0), PadForce(0.1)] * 1000)
+    forces = iter([ForceReading(6.0), ForceReading(0.1)] * 1000)
     world = World(bends=lambda real, now: next(forces) if real.force > 0.05 else real)
     assert world.close(closing(5.0))[0] is Outcome.FORCE_REACHED and world.strongest < 2.0
 
 
 def test_an_object_that_was_held_and_is_gone_is_lost():
     def lose(touch, now):
-        return Touch(now, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY)) if now > 1.3 else touch
+        return TouchReading(now, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY)) if now > 1.3 else touch
     world = World(stiffness=100.0)
     outcome, now = world.close(closing(12.0), seen=lose)
     assert outcome is Outcome.LOST and 1.4 < now < 1.45
@@ -219,7 +219,8 @@ def test_a_gripper_that_hardly_moves_is_too_slow():
     control = closing()
     outcome = None
     for step in range(20000):
-        outcome = control.look(0.001 * step, Touch(0.001 * step, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.0599)
+        seen = TouchReading(0.001 * step, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
+        outcome = control.look(0.001 * step, seen, 0.0599)
         if outcome:
             break
     assert outcome is Outcome.TOO_SLOW and step * 0.001 == pytest.approx(1.0 + 3 * 0.06 / LIMITS.fast_speed, rel=0.01)
@@ -227,10 +228,11 @@ def test_a_gripper_that_hardly_moves_is_too_slow():
 
 def test_the_gripper_slows_down_at_the_first_touch_or_below_an_opening():
     control = closing()
-    empty = Touch(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
+    empty = TouchReading(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
     control.look(0.0, empty, 0.06)
     assert control.speed == LIMITS.fast_speed
-    control.look(0.02, empty._replace(acquired=0.02, contact=GraspContact.ONE_SIDED, pads=(PadForce(0.1), EMPTY)), 0.05)
+    touched = empty._replace(acquired=0.02, contact=GraspContact.ONE_SIDED, pads=(ForceReading(0.1), EMPTY))
+    control.look(0.02, touched, 0.05)
     assert control.speed == LIMITS.slow_speed
     control.look(0.04, empty._replace(acquired=0.04), 0.05)
     assert control.speed == LIMITS.slow_speed  # The gripper stays slow, because the touched object is near.
@@ -275,16 +277,17 @@ def test_impossible_limits_are_refused(changed):
 @pytest.mark.parametrize(('force', 'speed', 'least'), [(2.0, 0.0, 3.2), (2.0, 0.005, 2.3), (0.0, 0.0, 3.2)])
 def test_pads_that_read_more_than_the_goal_and_its_overshoot_are_already_pressed(contact, force, speed, least):
     """The overshoot is 0.06 s x 0.02 m/s x 1000 N/m = 1.2 N at 0.02 m/s, and 0.3 N at 0.005 m/s."""
-    other = PadForce(0.2) if contact is GraspContact.TWO_SIDED else EMPTY
+    other = ForceReading(0.2) if contact is GraspContact.TWO_SIDED else EMPTY
     for read, is_pressed in ((least + 0.01, True), (least - 0.01, False)):
-        outcome = closing(force, speed=speed).look(0.0, Touch(0.0, True, contact, (PadForce(read), other)), 0.04)
+        seen = TouchReading(0.0, True, contact, (ForceReading(read), other))
+        outcome = closing(force, speed=speed).look(0.0, seen, 0.04)
         assert (outcome is Outcome.ALREADY_PRESSED) == is_pressed and outcome is not None
 
 
 def test_a_force_that_rises_on_the_way_is_not_one_that_was_there_before():
     control = closing(2.0)
-    assert control.look(0.0, Touch(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.05) is None
-    pressed = Touch(0.02, True, GraspContact.TWO_SIDED, (PadForce(9.0), PadForce(9.0)))
+    assert control.look(0.0, TouchReading(0.0, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.05) is None
+    pressed = TouchReading(0.02, True, GraspContact.TWO_SIDED, (ForceReading(9.0), ForceReading(9.0)))
     assert control.look(0.02, pressed, 0.04) is Outcome.FORCE_REACHED
 
 
@@ -332,7 +335,7 @@ def test_a_gripper_that_refuses_a_cancel_is_at_rest_only_if_the_opening_is_measu
 
 
 def two_sided(force, acquired):
-    return Touch(acquired, True, GraspContact.TWO_SIDED, (PadForce(force), PadForce(force)))
+    return TouchReading(acquired, True, GraspContact.TWO_SIDED, (ForceReading(force), ForceReading(force)))
 
 
 def test_a_goal_to_open_ends_if_the_force_rises_above_its_initial_value():

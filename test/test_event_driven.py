@@ -366,6 +366,7 @@ BAD = {
                                   'key "event_driven.event_timer"'),
     'an age that every TPDO reaches': (SNAPSHOTS.replace('0.05}', '0.02}'), 'more than the event timer'),
     'an age of a sweep': (SWEEPS.replace('frames', 'max_age: 0.1, frames'), 'key "event_driven.max_age"'),
+    'a period of snapshots': (SNAPSHOTS.replace('frames', 'period: 0.01, frames'), 'key "event_driven.period"'),
     'several nodes': ('nodes: 2\n' + SWEEPS.replace('number: 3', 'node: 1, number: 3'), 'scan at different times'),
     'sweep slowed by inhibit': (MULTIPLEXED.replace('0.0005', '0.0016'), 'within 0.0045 s')}
 

@@ -1,6 +1,6 @@
 """Tests for the grasps that the node publishes.
 
-In these tests, shapes stop, are held back or hidden, or carry stamps from other clocks.
+In these tests, a pad stops sending shapes, sends them late, sees only a part of a contact, or uses another clock.
 """
 
 import math

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.closing import NO_TOUCH, Outcome, PadForce, Touch, TouchLimits, make_goal
+from tactile_node.grasp.closing import NO_TOUCH, ForceReading, Outcome, TouchLimits, TouchReading, make_goal
 from tactile_node.grasp.holding import BLIND_TIME, SLIDE_PAUSE, SWAY_TIME, Holding, HoldLimits
 from tactile_node.grasp.tracker import GraspContact
 
@@ -47,9 +47,10 @@ class Spring:
         return max(0.0, self.stiffness * (self.width - self.give(self.now) - self.opening))
 
     def touch(self):
-        pads = tuple(PadForce(max(0.0, self.force() + each)) for each in self._random.uniform(-1, 1, 2) * self.noise)
+        errors = self._random.uniform(-1, 1, 2) * self.noise
+        pads = tuple(ForceReading(max(0.0, self.force() + each)) for each in errors)
         contact = GraspContact.TWO_SIDED if self.force() > 0.05 else GraspContact.NO_CONTACT
-        return self.change(Touch(self.now, True, contact, pads, force_sd=self.noise / 4), self.now)
+        return self.change(TouchReading(self.now, True, contact, pads, force_sd=self.noise / 4), self.now)
 
     def hold(self, seconds, holding, knows_opening=True):
         """Run the control for ``seconds`` and return its outcome.
@@ -165,7 +166,7 @@ def test_a_step_larger_than_declared_uses_up_the_travel():
 
 
 # For this touch, the control should close the gripper.
-SEEN = Touch(0.0, True, GraspContact.TWO_SIDED, (PadForce(2.0), PadForce(2.0)))
+SEEN = TouchReading(0.0, True, GraspContact.TWO_SIDED, (ForceReading(2.0), ForceReading(2.0)))
 
 
 def look(control, now, touch, opening=0.04):
@@ -176,8 +177,8 @@ def look(control, now, touch, opening=0.04):
     ({'fresh': False}, Outcome.NOT_SEEN), ({'contact': GraspContact.UNSEEN}, Outcome.NOT_SEEN),
     ({'acquired': 0.5}, Outcome.NOT_SEEN), ({'acquired': -math.inf}, Outcome.NOT_SEEN),
     (NO_TOUCH._asdict(), Outcome.NOT_SEEN),
-    ({'pads': (PadForce(2.0, is_hidden=True), PadForce(2.0))}, Outcome.FORCE_NOT_KNOWN),
-    ({'pads': (PadForce(), PadForce(2.0))}, Outcome.FORCE_NOT_KNOWN)], ids=str)
+    ({'pads': (ForceReading(2.0, is_hidden=True), ForceReading(2.0))}, Outcome.FORCE_NOT_KNOWN),
+    ({'pads': (ForceReading(), ForceReading(2.0))}, Outcome.FORCE_NOT_KNOWN)], ids=str)
 @pytest.mark.parametrize('is_under_way', [False, True])
 def test_the_gripper_rests_on_untrusted_readings_and_the_hold_ends_after_a_time(fault, end, is_under_way):
     control = holding()
@@ -192,13 +193,13 @@ def test_the_gripper_rests_on_untrusted_readings_and_the_hold_ends_after_a_time(
 
 def test_a_frame_that_is_not_seen_begins_no_correction_and_may_end_one():
     control = holding()
-    unseen = SEEN._replace(acquired=0.62, contact=GraspContact.UNSEEN, pads=(PadForce(), PadForce(2.0)))
-    enough = SEEN._replace(acquired=0.6, pads=(PadForce(5.0), PadForce(5.0)))
-    look(control, 0.62, unseen.after(enough._replace(pads=(PadForce(2.0), PadForce(5.0)))))
+    unseen = SEEN._replace(acquired=0.62, contact=GraspContact.UNSEEN, pads=(ForceReading(), ForceReading(2.0)))
+    enough = SEEN._replace(acquired=0.6, pads=(ForceReading(5.0), ForceReading(5.0)))
+    look(control, 0.62, unseen.after(enough._replace(pads=(ForceReading(2.0), ForceReading(5.0)))))
     assert control.speed == 0.0
     look(control, 0.64, SEEN._replace(acquired=0.64))
     assert control.speed > 0
-    pressed = unseen._replace(pads=(PadForce(), PadForce(5.0)))
+    pressed = unseen._replace(pads=(ForceReading(), ForceReading(5.0)))
     look(control, 0.66, pressed.after(SEEN._replace(acquired=0.64)))
     assert control.speed == 0.0
 
@@ -210,11 +211,11 @@ def test_the_same_touch_when_it_is_trusted_is_followed():
 
 
 @pytest.mark.parametrize(('pads', 'speed'), [
-    ((PadForce(4.0, is_bound=True), PadForce(2.0)), 0.0),  # A lower bound of 4 N allows a force of up to 8 N.
+    ((ForceReading(4.0, is_bound=True), ForceReading(2.0)), 0.0),  # A lower bound of 4 N allows a force of up to 8 N.
     # Lower bounds of 1.5 N allow a force of at most 3 N.
-    ((PadForce(1.5, is_bound=True), PadForce(1.5)), LIMITS.slow_speed),
-    ((PadForce(4.9), PadForce(1.0)), 0.0),  # The stronger pad sets the limit.
-    ((PadForce(9.0), PadForce(4.9)), 0.0)])  # A load pushes the object against one pad.
+    ((ForceReading(1.5, is_bound=True), ForceReading(1.5)), LIMITS.slow_speed),
+    ((ForceReading(4.9), ForceReading(1.0)), 0.0),  # The stronger pad sets the limit.
+    ((ForceReading(9.0), ForceReading(4.9)), 0.0)])  # A load pushes the object against one pad.
 def test_the_gripper_closes_by_the_highest_possible_and_opens_by_the_lowest_force(pads, speed):
     control = holding(opening=0.05)
     look(control, 0.5, SEEN._replace(acquired=0.5, pads=pads))
@@ -233,8 +234,8 @@ def test_a_gripper_that_moves_still_is_waited_for_and_what_was_seen_before_it_st
 
 
 @pytest.mark.parametrize(('contact', 'pads', 'end'), [
-    (GraspContact.NO_CONTACT, (PadForce(0.0), PadForce(0.0)), Outcome.LOST),
-    (GraspContact.ONE_SIDED, (PadForce(2.0), PadForce(0.0)), Outcome.ONE_SIDED)])
+    (GraspContact.NO_CONTACT, (ForceReading(0.0), ForceReading(0.0)), Outcome.LOST),
+    (GraspContact.ONE_SIDED, (ForceReading(2.0), ForceReading(0.0)), Outcome.ONE_SIDED)])
 def test_an_object_that_only_one_pad_holds_is_not_followed_and_ends_the_hold(contact, pads, end):
     control = holding()
     look(control, 0.5, SEEN._replace(acquired=0.5))

@@ -100,6 +100,9 @@ def test_rows_of_two_periods_are_never_mixed(tmp_path):
 
 BAD = {
     'row number over a byte': (ROWS.replace('first: 7', 'first: 255'), 'key "tpdos[0].rows.count"'),
+    'sub-index over a byte': (MPDO.replace('sub: 3', 'sub: 254'), 'key "tpdos[0].mpdo.count"'),
+    'map beside MPDOs': (MPDO.replace('mpdo:', 'map: [[0x2000, 1, 8]], mpdo:'), 'key "tpdos[0].map"'),
+    'rows beside MPDOs': (MPDO.replace('mpdo:', 'rows: {count: 2, step: [1, 0]}, mpdo:'), 'key "tpdos[0].rows"'),
     'taxel on the row number': (ROWS.replace('start_bit: 8', 'start_bit: 0'), 'behind the 8 bits'),
     'taxel on the sub-index': (MPDO.replace('start_bit: 32', 'start_bit: 24'), 'behind the 32 bits'),
     'rows outside': (ROWS.replace('count: 2, step', 'count: 3, step'), 'taxel (2, 0)'),

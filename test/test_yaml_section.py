@@ -5,6 +5,7 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout_file import load_layout, read_layout
+from tactile_node.yaml_keys import ListOf, Switch, Whole
 from tactile_node.yaml_section import MOST_BYTES, line_of, load_mapping
 
 
@@ -34,7 +35,7 @@ def test_a_missing_file_is_refused_by_name(tmp_path):
 
 def test_a_value_that_is_not_a_list_is_refused_by_key(tmp_path):
     with pytest.raises(ConfigurationError) as refused:
-        load_mapping(written(tmp_path, 'nodes: 3'), 'a skin layout').sequence('nodes')
+        load_mapping(written(tmp_path, 'nodes: 3'), 'a skin layout').read('nodes', ListOf(Switch()))
     assert 'nodes' in refused.value.where and refused.value.expected == 'a list'
 
 
@@ -51,7 +52,7 @@ def nested(depth):
 def test_an_endless_value_is_refused_in_a_short_sentence(text, most, tmp_path):
     """In an earlier version, reporting such a value either raised a ValueError or listed 9 ** 30 values."""
     with pytest.raises(ConfigurationError) as refused:
-        load_mapping(written(tmp_path, text), 'a skin layout').integer('rows', 1, 1024)
+        load_mapping(written(tmp_path, text), 'a skin layout').read('rows', Whole(1, 1024))
     assert len(refused.value.got) < most
 
 
@@ -81,6 +82,11 @@ def test_the_last_loop_runs_fastest(tmp_path):
     assert all(tpdo.cob_id.relative and tpdo.node == 0 for tpdo in tpdos)
 
 
+def test_an_empty_list_of_loops_repeats_nothing(tmp_path):
+    """In an earlier version, such a list raised a TypeError."""
+    assert len(read_layout(written(tmp_path, HEAD + ENTRY + '  repeat: []\n')).tpdos) == 1
+
+
 def test_one_loop_needs_no_list_and_may_run_backwards(tmp_path):
     text = HEAD + ENTRY.replace('[[0, 0, 0]]', '[[3, 1, 0]]') \
         + '  repeat: {count: 3, number: -1, cob_id: -0x10, sub: 1, step: [-1, 0]}\n'
@@ -98,7 +104,8 @@ def test_one_loop_needs_no_list_and_may_run_backwards(tmp_path):
     ('{count: 4, number: -1}', 'tpdos[0].repeat'), ('{count: 8, number: 1, cob_id: 0x100}', 'tpdos[0].repeat'),
     ('{count: 3, number: 1, object: 0x7FFF}', 'tpdos[0].repeat'),
     ('{count: 3, number: 1, sub: 127}', 'tpdos[0].repeat'), ('{count: 3, number: 1, sub: -1}', 'tpdos[0].repeat'),
-    ('{count: 2, node: -1}', 'tpdos[0].repeat')])
+    ('{count: 2, node: -1}', 'tpdos[0].repeat'),
+    ('[{count: 1}, {count: 2, step: [0, down]}]', 'tpdos[0].repeat[1].step[1]')])
 def test_a_wrong_repeat_is_refused_by_its_key_and_line(loops, key, tmp_path):
     path = written(tmp_path, HEAD + ENTRY + f'  repeat: {loops}\n')
     with pytest.raises(ConfigurationError) as caught:

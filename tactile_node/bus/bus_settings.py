@@ -5,6 +5,8 @@ from dataclasses import dataclass
 DEFAULT_INTERFACE = 'socketcan'
 DEFAULT_CHANNEL = 'can0'
 DEFAULT_BITRATE = 1_000_000  #: Bit rate used if the user sets none [bit/s].
+DEFAULT_NODE_ID = 32  #: node-ID used if the user sets none
+DEFAULT_LAYOUT = 'sim16x16.yaml'  #: skin layout used if the user sets none: that of the simulated pad
 
 
 @dataclass(frozen=True)

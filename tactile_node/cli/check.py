@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.assembly.fault_text import load_text
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE
+from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_NODE_ID
 from tactile_node.bus.load import MOST_LOAD, planned_load, sweep_bits, sweep_period, tpdo_bits
 from tactile_node.cli.options import add_number
 from tactile_node.errors import ConfigurationError
@@ -24,7 +24,6 @@ from tactile_node.skin.layout_file import read_layout
 from tactile_node.skin.layout_rules import collect_errors, layout_checks
 from tactile_node.yaml_section import line_of
 
-EDS_NODE_ID = 32           #: node-ID for which the EDS is read
 SYNC_PERIODS = (0.02, 0.01, 0.005)  #: SYNC periods for which the bus load is reported [s]
 MOST_ALIKE = 3             #: maximum number of errors with the same remedy printed in full
 WIDEST_MAP = 120           #: maximum width of a printed map [columns], because a terminal would wrap a wider map
@@ -96,7 +95,7 @@ def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
     errors = collect_errors(layout_checks(layout))
     eds = eds or layout.source.rsplit('.', 1)[0] + '.eds'
     try:
-        errors += collect_errors(eds_checks(load_eds(eds, EDS_NODE_ID), layout, eds))
+        errors += collect_errors(eds_checks(load_eds(eds, DEFAULT_NODE_ID), layout, eds))
     except ConfigurationError as error:
         errors.append(error)
     return CheckedLayout(layout, [(error, _line(layout_name, error)) for error in errors], _warnings(layout, use))

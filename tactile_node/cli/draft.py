@@ -2,7 +2,7 @@
 
 import argparse
 
-from tactile_node.cli.check import EDS_NODE_ID
+from tactile_node.bus.bus_settings import DEFAULT_NODE_ID
 from tactile_node.cli.options import add_number, add_output_option
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.skin.eds import load_eds
@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> int:
     """Print or write the layout."""
     if args.output:
         check_writable(args.output, [args.eds], force=args.force)
-    text = draft(load_eds(args.eds, EDS_NODE_ID), EDS_NODE_ID, args.eds, Known(args.rows, args.cols, args.bits))
+    text = draft(load_eds(args.eds, DEFAULT_NODE_ID), DEFAULT_NODE_ID, args.eds, Known(args.rows, args.cols, args.bits))
     if args.output:
         with output_file(args.output, inputs=[args.eds]) as stream:
             stream.write(text.encode())

@@ -7,7 +7,14 @@ from functools import partial
 from math import inf, nan
 from typing import TYPE_CHECKING, Any
 
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusSettings
+from tactile_node.bus.bus_settings import (
+    DEFAULT_BITRATE,
+    DEFAULT_CHANNEL,
+    DEFAULT_INTERFACE,
+    DEFAULT_LAYOUT,
+    DEFAULT_NODE_ID,
+    BusSettings,
+)
 from tactile_node.cia301.objects import MAX_NODE_ID
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.logs.replay_times import TimeWindow
@@ -18,9 +25,6 @@ if TYPE_CHECKING:
     from tactile_node.bus.reception import Batch
     from tactile_node.shape.methods import VisibilityGuard
     from tactile_node.skin.pads import LivePad, PadSettings
-
-DEFAULT_LAYOUT = 'sim16x16.yaml'
-DEFAULT_NODE_ID = 32
 
 
 def node_ids(text: str) -> list[int]:

@@ -12,6 +12,7 @@ from scipy.ndimage import label, maximum_filter
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.output_file import output_file
 from tactile_node.taxel_frame import read_only
+from tactile_node.yaml_keys import ListOf, Wholes
 from tactile_node.yaml_section import load_mapping
 
 CONTACTS = 5        #: Number of successive contacts that must provide evidence against a taxel.
@@ -256,8 +257,7 @@ def load_faults(path: str | Path, pads: Mapping[str, tuple[int, int]]) -> dict[s
             given = section.section(name, {})
             for kind in FAULT_KINDS:
                 key = kind.name.lower()
-                for taxel in given.sequence(key, []):
-                    row, col = given.checked_integers(key, taxel, count=2, low=0, high=max(rows, cols) - 1)
+                for row, col in given.read(key, ListOf(Wholes(2, 0, max(rows, cols) - 1)), ()):
                     if row >= rows or col >= cols:
                         given.refuse(key, expected=f'taxels of {rows} rows and {cols} columns', got=f'[{row}, {col}]',
                                      remedy='Correct or remove it.')

@@ -1,9 +1,9 @@
 """Close a gripper until both pads are touched or a force limit is reached, and decide when and why to stop.
 
-The module reads no clock; its callers pass the time. The module is not a safety function (ISO 13849, ISO 10218). The
-module limits only the force that the pads measure, and only after they have measured it. The gripper continues to close
-only while the current readings are complete. If the true force may be higher than the reading, the highest possible
-force is compared with the limit.
+The callers of this module pass the current time, because the module reads no clock. The module is not a safety function
+(ISO 13849, ISO 10218). The module limits only the force that the pads measure, and only after they have measured it.
+The gripper continues to close only while the current readings are complete. If the true force may be higher than the
+reading, the highest possible force is compared with the limit.
 """
 
 import math
@@ -64,7 +64,7 @@ class Outcome(IntEnum):
 SUCCESSES = frozenset((Outcome.REACHED, Outcome.TOUCHED, Outcome.FORCE_REACHED))
 
 
-class PadForce(NamedTuple):
+class ForceReading(NamedTuple):
     """The force that one pad reads."""
 
     force: float = math.nan  #: total force of all contacts on the pad [N], or NaN if unknown
@@ -74,13 +74,13 @@ class PadForce(NamedTuple):
     is_hidden: bool = False
 
 
-class Touch(NamedTuple):
+class TouchReading(NamedTuple):
     """The readings of both pads at one acquisition."""
 
     acquired: float  #: acquisition time [s], or -inf if unknown
     fresh: bool
     contact: GraspContact
-    pads: tuple[PadForce, PadForce]
+    pads: tuple[ForceReading, ForceReading]
     force_sd: float = math.nan  #: largest standard deviation of a pad's force [N], or NaN if unknown
 
     #: direction in which the contact slides on each pad, in the frame of that pad [rad], or NaN if no slide is known
@@ -121,7 +121,7 @@ class Touch(NamedTuple):
         """Return True if both pads were seen at most ``max_age`` [s] before ``now`` [s]."""
         return self.is_seen and now - self.acquired <= max_age
 
-    def after(self, before: 'Touch') -> 'Touch':
+    def after(self, before: 'TouchReading') -> 'TouchReading':
         """Return these readings if both pads are seen, or else the readings ``before``.
 
         A single lost CAN frame must not make the gripper blind. If a pad is unseen, the readings ``before`` keep their
@@ -133,7 +133,7 @@ class Touch(NamedTuple):
         return before._replace(pads=(left, right), is_whole=False)
 
 
-NO_TOUCH = Touch(-math.inf, False, GraspContact.NOT_KNOWN, (PadForce(), PadForce()))
+NO_TOUCH = TouchReading(-math.inf, False, GraspContact.NOT_KNOWN, (ForceReading(), ForceReading()))
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,7 @@ class Closing:
         """Speed at which the gripper continues [m/s]; 0 while it waits at rest."""
         return 0.0 if self._waits else self._pace
 
-    def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
+    def look(self, now: float, touch: TouchReading, opening: float, *, is_still: bool = True) -> Outcome | None:
         """Return the outcome that ends the goal, or None to continue at ``speed``.
 
         A late or incomplete frame does not end a goal. Until the readings are complete again, the gripper waits at
@@ -290,7 +290,7 @@ class Closing:
         ----------
         now : float
             Time [s].
-        touch : Touch
+        touch : TouchReading
             Latest readings of the pads.
         opening : float
             Current opening [m], or NaN if unknown.
@@ -314,17 +314,17 @@ class Closing:
             self._deadline = self._deadline_at(now)
         return stop
 
-    def _why_blind(self, now: float, touch: Touch) -> Outcome | None:
+    def _why_blind(self, now: float, touch: TouchReading) -> Outcome | None:
         if not touch.is_current(now, self._limits.max_age):
             return Outcome.NOT_SEEN
         is_enough = touch.contact is GraspContact.TWO_SIDED and self.goal.until_touched
         return None if touch.has_force or is_enough else Outcome.FORCE_NOT_KNOWN
 
-    def _is_pressed(self, touch: Touch) -> bool:
+    def _is_pressed(self, touch: TouchReading) -> bool:
         most = self.goal.force + self._limits.overshoot(self.goal.speed)
         return touch.has_force and touch.most(self._limits.edge_share) > most
 
-    def _why_stop(self, now: float, touch: Touch) -> Outcome | None:
+    def _why_stop(self, now: float, touch: TouchReading) -> Outcome | None:
         is_held = touch.contact is GraspContact.TWO_SIDED
         if touch.has_force and touch.most(self._limits.edge_share) >= self.goal.force:
             return Outcome.FORCE_REACHED if is_held else Outcome.ONE_SIDED
@@ -336,7 +336,7 @@ class Closing:
             return Outcome.LOST
         return Outcome.TOO_SLOW if now > self._deadline else None
 
-    def _follow(self, now: float, touch: Touch, travel: float) -> None:
+    def _follow(self, now: float, touch: TouchReading, travel: float) -> None:
         self._was_held |= touch.contact is GraspContact.TWO_SIDED
         if touch.is_touched:
             self._seen_touched = now
@@ -391,7 +391,7 @@ class Widening:
         """Speed at which the gripper opens [m/s]."""
         return self._limits.fast_speed
 
-    def look(self, now: float, touch: Touch, opening: float, *, is_still: bool = True) -> Outcome | None:
+    def look(self, now: float, touch: TouchReading, opening: float, *, is_still: bool = True) -> Outcome | None:
         """Return the outcome that ends the goal, or None to continue.
 
         The parameters are those of `Closing.look`.

@@ -1,8 +1,8 @@
 """Hold an object with a force after closing, and decide when to press harder, to ease off and to end the hold.
 
-The module reads no clock; its callers pass the time. The module trusts readings by the same rules as closing.py. The
-decision to press harder uses the highest force that the readings allow, and the decision to ease off uses the lowest
-force. The gripper rests while the force is unknown.
+The callers of this module pass the current time, because the module reads no clock. The module trusts readings by the
+same rules as closing.py. The decision to press harder uses the highest force that the readings allow, and the decision
+to ease off uses the lowest force. The gripper rests while the force is unknown.
 
 A correction begins if the readings of both pads differ from the target force by more than a deadband D. The correction
 ends at the target force. The overshoot of a correction has two causes: the travel until the gripper stops, and one step
@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.closing import LOST_AFTER, Goal, Outcome, Touch, TouchLimits
+from tactile_node.grasp.closing import LOST_AFTER, Goal, Outcome, TouchLimits, TouchReading
 from tactile_node.grasp.tracker import GraspContact
 
 NOISE_CERTAINTY = 4.0  #: Largest error of a reading [standard deviations].
@@ -89,14 +89,14 @@ class Holding:
         step = self._limits.stiffness * self._hold.gripper_step
         return step + self._limits.overshoot(self._slow) + 2 * self._noise
 
-    def look(self, now: float, touch: Touch, opening: float, *, is_still: bool) -> Outcome | None:
+    def look(self, now: float, touch: TouchReading, opening: float, *, is_still: bool) -> Outcome | None:
         """Return the outcome that ends the hold, or None to continue to ``target`` at ``speed``.
 
         Parameters
         ----------
         now : float
             Time [s].
-        touch : Touch
+        touch : TouchReading
             Latest readings of the pads.
         opening : float
             Current opening [m], or NaN if unknown.
@@ -118,7 +118,7 @@ class Holding:
             self._correct(now, touch, opening)
         return end
 
-    def _follow(self, now: float, touch: Touch) -> None:
+    def _follow(self, now: float, touch: TouchReading) -> None:
         if touch.has_force:
             self._known = now
         if touch.contact is GraspContact.TWO_SIDED:
@@ -127,7 +127,7 @@ class Holding:
             self._noise = NOISE_CERTAINTY * touch.force_sd
         self._follow_slide(now, touch)
 
-    def _follow_slide(self, now: float, touch: Touch) -> None:
+    def _follow_slide(self, now: float, touch: TouchReading) -> None:
         """Store the time at which a slide in one direction began.
 
         The stored time is reset to ``now`` if the object does not slide, or if the direction has changed on both pads.
@@ -138,7 +138,7 @@ class Holding:
         else:
             self._slides, self._slid_since = touch.slides, now
 
-    def _why_end(self, now: float, touch: Touch, opening: float, is_seen: bool) -> Outcome | None:
+    def _why_end(self, now: float, touch: TouchReading, opening: float, is_seen: bool) -> Outcome | None:
         if now - self._known > BLIND_TIME:
             return Outcome.FORCE_NOT_KNOWN if is_seen else Outcome.NOT_SEEN
         if is_seen and now - self._held > LOST_AFTER:
@@ -153,7 +153,7 @@ class Holding:
         """
         return max(self.speed * (now - self._begun), abs(self._begun_opening - opening)) if self.speed else 0.0
 
-    def _is_corrected(self, touch: Touch, is_still: bool) -> bool:
+    def _is_corrected(self, touch: TouchReading, is_still: bool) -> bool:
         if self.eases:
             return is_still or touch.weakest <= self.force
         return touch.most(self._limits.edge_share) >= self.force
@@ -162,7 +162,7 @@ class Holding:
         self._used += self._travelled(now, opening)
         self.speed, self._rested = 0.0, now
 
-    def _correct(self, now: float, touch: Touch, opening: float) -> None:
+    def _correct(self, now: float, touch: TouchReading, opening: float) -> None:
         """Begin a correction if one is needed."""
         is_answer = self._answers(now)
         lack = self.force - touch.most(self._limits.edge_share)

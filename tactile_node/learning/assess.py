@@ -61,7 +61,7 @@ class Counts(NamedTuple):
     sure_and_wrong: int  #: recognitions as a wrong class with a confidence of SURE or more
 
 
-class Group(NamedTuple):
+class ConfidenceGroup(NamedTuple):
     """A group of recognitions with similar confidence."""
 
     confidence: float  #: mean confidence; NaN for an empty group
@@ -107,13 +107,14 @@ class Answers(NamedTuple):
                       sum(each.shape in NAMELESS and truth not in NAMELESS for truth, each in some),
                       sum(is_sure), sum(sure and not right for sure, right in zip(is_sure, is_right)))
 
-    def groups(self) -> list[Group]:
+    def groups(self) -> list[ConfidenceGroup]:
         """Return one group of recognitions for each interval between two CONFIDENCE_LIMITS."""
         confidences = np.array([each.confidence for each in self.found])
         right = np.array([each.shape == truth for truth, each in zip(*self)])
         of = np.digitize(confidences, CONFIDENCE_LIMITS[1:-1])
-        return [Group(float(confidences[of == k].mean()) if (of == k).any() else float('nan'),
-                      Rate(int(right[of == k].sum()), int((of == k).sum()))) for k in range(len(CONFIDENCE_LIMITS) - 1)]
+        return [ConfidenceGroup(float(confidences[of == k].mean()) if (of == k).any() else float('nan'),
+                                Rate(int(right[of == k].sum()), int((of == k).sum())))
+                for k in range(len(CONFIDENCE_LIMITS) - 1)]
 
     def scores(self) -> np.ndarray:
         """Return the Brier score of each recognition, (K,).

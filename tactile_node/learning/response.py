@@ -12,7 +12,8 @@ from tactile_node.conditioning.gain import ResponseCurve, make_curve
 from tactile_node.errors import ConfigurationError
 from tactile_node.output_file import output_file
 from tactile_node.pose.profiles import Layer, check_layer
-from tactile_node.yaml_section import LARGEST_NUMBER, Section, load_mapping, shown
+from tactile_node.yaml_keys import ListOf, Number, OneOf
+from tactile_node.yaml_section import load_mapping
 
 RESPONSE_SUFFIX = '.response.yaml'  #: Suffix of the response file, which is stored beside the layout.
 WRITTEN_DIGITS = 6                 #: Number of significant digits in the file.
@@ -29,17 +30,18 @@ class SkinResponse(NamedTuple):
 def load_response(path: str | Path) -> SkinResponse:
     """Read a response file, or raise a ConfigurationError that names the file and the faulty key."""
     top = load_mapping(Path(path), 'a skin response')
-    unit = top.choice('unit', ('Pa', 'N', ''))
+    unit = top.read('unit', OneOf(('Pa', 'N', '')))
     section, nodes = top.section('layer'), top.section('curve')
-    layer = Layer(section.number('depth', positive=True), section.number('deviation', positive=True))
+    layer = Layer(*(section.read(key, Number(positive=True)) for key in ('depth', 'deviation')))
     section.done()
-    lists = [[_number(nodes, key, value) for value in nodes.sequence(key)] for key in ('readings', 'pressures')]
+    numbers = ListOf(Number(remedy='Calibrate the skin again.'))
+    readings, pressures = (nodes.read(key, numbers) for key in ('readings', 'pressures'))
     nodes.done()
     top.take('found_from', None)  # this section is for human readers only
     top.done()
     try:
         check_layer(layer)
-        return SkinResponse(unit, layer, make_curve(*lists))
+        return SkinResponse(unit, layer, make_curve(readings, pressures))
     except ConfigurationError as error:
         raise ConfigurationError(f'{path}, {error.where}', expected=error.expected, got=error.got,
                                  remedy=error.remedy) from None
@@ -73,12 +75,6 @@ def save_response(path: str | Path, response: SkinResponse, head: str, found_fro
     comment = ''.join(f'# {line}\n' for line in head.splitlines())
     with output_file(path) as stream:
         stream.write((comment + yaml.safe_dump(content, default_flow_style=None, sort_keys=False, width=110)).encode())
-
-
-def _number(section: Section, key: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > LARGEST_NUMBER:
-        section.refuse(key, expected='numbers', got=shown(value), remedy='Calibrate the skin again.')
-    return float(value)
 
 
 def _rounded(value: float) -> float:

@@ -7,7 +7,7 @@ import math
 from typing import Any, NamedTuple
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.closing import PadForce, Touch
+from tactile_node.grasp.closing import ForceReading, TouchReading
 from tactile_node.grasp.tracker import GraspContact
 from tactile_skin.msg import Grasp
 
@@ -135,7 +135,7 @@ def _first(values: Any, default: float) -> float:
     return values[0] if len(values) else default
 
 
-def touch_of(grasp: Grasp, acquired: float) -> Touch:
+def touch_of(grasp: Grasp, acquired: float) -> TouchReading:
     """Return the touch described by a grasp message.
 
     If a force is a bound although the contact does not reach the pad's edge, hidden or saturated taxels are the cause,
@@ -148,10 +148,10 @@ def touch_of(grasp: Grasp, acquired: float) -> Touch:
     acquired
         Acquisition time of the taxels, on the steady clock [s].
     """
-    pads = [PadForce(force, is_bound, bool(hidden or saturated or not seen or is_bound and not at_edge))
+    pads = [ForceReading(force, is_bound, bool(hidden or saturated or not seen or is_bound and not at_edge))
             for force, is_bound, hidden, saturated, seen, at_edge in zip(
                 grasp.forces, grasp.force_is_bound, grasp.hidden_taxels, grasp.saturated_taxels, grasp.pads_seen,
                 grasp.at_edge)]
     slides = [each.direction if each.moving & each.SLIDING else math.nan for each in grasp.motions]
-    return Touch(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]),
+    return TouchReading(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]),
                  force_sd=2 * grasp.grip_force_sd, slides=(slides[0], slides[1]))

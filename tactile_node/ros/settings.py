@@ -7,16 +7,26 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-from tactile_node.bus.bus_settings import DEFAULT_BITRATE, DEFAULT_CHANNEL, DEFAULT_INTERFACE
+from tactile_node.bus.bus_settings import (
+    DEFAULT_BITRATE,
+    DEFAULT_CHANNEL,
+    DEFAULT_INTERFACE,
+    DEFAULT_LAYOUT,
+    DEFAULT_NODE_ID,
+    BusSettings,
+)
 from tactile_node.conditioning.tare import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.grasp.opening import HIGHEST_GAP
+from tactile_node.grasp.tracker import GraspSettings
 from tactile_node.shape.recognition import DEFAULT_METHOD
 from tactile_node.taxel_frame import LEAST_BY_UNIT, PRESS_BY_UNIT, RELEASE_RATIO
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
+BUS = BusSettings(DEFAULT_INTERFACE, DEFAULT_CHANNEL)  #: source of the defaults of the driver's bus
+GRASP = GraspSettings()  #: source of the defaults of the grasp node
 METADATA = 'parameter'  #: key under which the metadata of a field stores the properties
 
 #: Maximum number of frames that wait for a stage. Ten waiting frames at 50 Hz would delay data by 0.2 s, but a gripper
@@ -115,26 +125,29 @@ class DriverSettings(NodeSettings):
     record_rotate_mb: float = parameter(0.0, 'file size at which the recording continues in the next file, '
                                         '<name>_part2 and so on [MB]; 0: a single file', 0, 1e6)
     pads: tuple[str, ...] = parameter(('pad',), 'names of the pads on this bus; topics are <name>/taxels')
-    node_ids: tuple[int, ...] = parameter((32,), 'CANopen node-ID of each pad; a pad whose layout has several nodes '
-                                          'needs one for each node')
-    layouts: tuple[str, ...] = parameter(('sim16x16.yaml',), 'skin layout of each pad, or one layout for all pads: a '
+    node_ids: tuple[int, ...] = parameter((DEFAULT_NODE_ID,), 'CANopen node-ID of each pad; a pad whose layout has '
+                                          'several nodes needs one for each node')
+    layouts: tuple[str, ...] = parameter((DEFAULT_LAYOUT,), 'skin layout of each pad, or one layout for all pads: a '
                                          'file, or a name in config/')
     eds: tuple[str, ...] = parameter(('',), 'EDS of each pad, or one EDS for all pads; empty: the name of the layout '
                                      'with the suffix .eds')
     frame_ids: tuple[str, ...] = parameter(('',), 'frame of each pad (origin at taxel (0, 0), x along columns, z '
                                            'outwards); empty: <name>_pad')
     frame_prefix: str = parameter('', FRAME_PREFIX)
-    sync_period: float = parameter(0.02, 'time between two SYNCs, and therefore between two taxel frames [s]',
-                                   0.001, 10)
-    allow_full_bus: bool = parameter(False, 'true: the pads may keep the bus busy for more than 95 % of the time, '
-                                     'although a few foreign frames then cause lost sweeps; false: refuse such a bus '
-                                     'load at configure')
-    produce_sync: bool = parameter(True, 'true: the driver sends SYNC; false: another node on the bus sends it')
-    boot_timeout: float = parameter(5.0, 'time allowed for each device to answer at configure [s]', 0.1, 3600)
-    sdo_timeout: float = parameter(0.3, 'time allowed for each SDO response of a device [s]', 0.02, 60)
-    sdo_retries: int = parameter(3, 'number of repeated SDO requests if a device does not respond', 0, 100)
-    heartbeat_period: float = parameter(0.1, 'time between two heartbeats of a device, written to its 0x1017 [s]',
-                                        0.01, 30)
+    sync_period: float = parameter(BUS.sync_period, 'time between two SYNCs, and therefore between two taxel frames '
+                                   '[s]', 0.001, 10)
+    allow_full_bus: bool = parameter(BUS.allow_full_bus, 'true: the pads may keep the bus busy for more than 95 % of '
+                                     'the time, although a few foreign frames then cause lost sweeps; false: '
+                                     'refuse such a bus load at configure')
+    produce_sync: bool = parameter(BUS.produce_sync, 'true: the driver sends SYNC; false: another node on the bus '
+                                   'sends it')
+    boot_timeout: float = parameter(BUS.boot_timeout, 'time allowed for each device to answer at configure [s]', 0.1,
+                                    3600)
+    sdo_timeout: float = parameter(BUS.sdo_timeout, 'time allowed for each SDO response of a device [s]', 0.02, 60)
+    sdo_retries: int = parameter(BUS.sdo_retries, 'number of repeated SDO requests if a device does not respond', 0,
+                                 100)
+    heartbeat_period: float = parameter(BUS.heartbeat_ms / 1000, 'time between two heartbeats of a device, written to '
+                                        'its 0x1017 [s]', 0.01, 30)
     heartbeat_timeout: float = parameter(0.5, 'time without a heartbeat after which a node is reported as lost [s]; '
                                          'nodes send a heartbeat every heartbeat_period', 0.3, 60, live=True)
     recover: bool = parameter(True, 'true: reopen a failed bus, and configure and start restarted devices; false: only '
@@ -161,8 +174,8 @@ class DriverSettings(NodeSettings):
                                                 'from `tactile calibrate`: the driver converts readings to pressures '
                                                 'with the curve in the file, and fits use the depth of the taxels; '
                                                 'empty: not known')
-    drop_incomplete: bool = parameter(False, 'true: withhold and count a sweep that lacks CAN frames; false: publish '
-                                      'it with NaN and status STALE', live=True)
+    drop_incomplete: bool = parameter(BUS.drop_incomplete, 'true: withhold and count a sweep that lacks CAN frames; '
+                                      'false: publish it with NaN and status STALE', live=True)
     wait_at_start: bool = parameter(True, 'true: with autostart, wait for a missing bus or device; false: exit instead')
     autostart: bool = parameter(True, 'true: configure and activate at start; false: leave both to a lifecycle '
                                 'manager')
@@ -231,15 +244,16 @@ class GraspNodeSettings(ReceiverSettings):
                                             "equal to the driver's frame_ids; empty: <name>_pad")
     max_gap_age: float = parameter(0.3, 'age above which an opening from joint_states or tf is no longer known [s]',
                                    0.01, 3600)
-    max_creep: float = parameter(0.0005, "speed of a contact's centre above which a grasp is never stable; a stable "
-                                 'grasp stays stable up to a tenth of it [m/s]', 1e-6, 1)
-    centre_tolerance: float = parameter(0.001, "sudden displacement of a contact's centre that immediately ends a "
-                                        'stable grasp [m]', 1e-6, 1)
-    min_hold: float = parameter(0.2, 'time for which the shapes and centres of both contacts must stay the same for a '
-                                'stable grasp [s]', 0, 3600)
-    max_skew: float = parameter(0.1, 'largest time between the acquisitions of the two pads for a fresh grasp [s]',
-                                1e-3, 3600)
-    max_age: float = parameter(0.25, "age of a pad's result above which the pad counts as unseen [s]", 1e-3, 3600)
+    max_creep: float = parameter(GRASP.steadiness.max_creep, "speed of a contact's centre above which a grasp is never "
+                                 'stable; a stable grasp stays stable up to a tenth of it [m/s]', 1e-6, 1)
+    centre_tolerance: float = parameter(GRASP.steadiness.slip, "sudden displacement of a contact's centre that "
+                                        'immediately ends a stable grasp [m]', 1e-6, 1)
+    min_hold: float = parameter(GRASP.min_hold, 'time for which the shapes and centres of both contacts must stay the '
+                                'same for a stable grasp [s]', 0, 3600)
+    max_skew: float = parameter(GRASP.max_skew, 'largest time between the acquisitions of the two pads for a fresh '
+                                'grasp [s]', 1e-3, 3600)
+    max_age: float = parameter(GRASP.max_age, "age of a pad's result above which the pad counts as unseen [s]", 1e-3,
+                               3600)
 
     @property
     def frame(self) -> str:

@@ -7,7 +7,6 @@ import numpy as np
 
 from tactile_node.cia301 import objects
 from tactile_node.taxel_frame import NO_SIDE, SkinSide
-from tactile_node.yaml_section import Section
 
 #: fraction of the period within which a sweep must arrive; twice this fraction leaves a tenth of the period for errors
 #: in the device's timer and the stamps
@@ -40,36 +39,6 @@ class EventDriven:
     def longest_pause(self) -> float:
         """Longest time without any TPDO from a working device [s]."""
         return max(self.event_timer, self.period)
-
-
-def read_event_driven(top: Section) -> EventDriven | None:
-    """Read the key ``event_driven`` of a skin layout. Return None if the key is missing. Raises ConfigurationError."""
-    if top.take('event_driven', None) is None:
-        return None
-    section = top.section('event_driven')
-    kind = section.integer('transmission_type', objects.MANUFACTURER_EVENT, objects.PROFILE_EVENT)
-    timer = _time(section, 'event_timer', objects.EVENT_TIMER_UNIT)
-    inhibit = _time(section, 'inhibit_time', objects.INHIBIT_UNIT, 0)
-    is_sweeps = section.choice('frames', ('sweeps', 'snapshots')) == 'sweeps'
-    period, max_age = timer, 0.0
-    if is_sweeps:
-        period = section.number('period', *([timer] if timer else []), positive=True)
-    elif not timer:
-        section.refuse('event_timer', expected='a time > 0, because each TPDO is sent at its own time', got='0',
-                       remedy='Without it, a TPDO that is no longer sent looks like one whose taxels do not change.')
-    else:
-        max_age = section.number('max_age', 3 * timer, positive=True)  # two transmissions in a row may be lost
-    section.done()
-    return EventDriven(kind, timer, inhibit, is_sweeps, period, max_age)
-
-
-def _time(section: Section, key: str, unit: float, *default: float) -> float:
-    """Read a time [s] that the device stores as a 16-bit multiple of ``unit`` [s]."""
-    value = section.number(key, *default)
-    if not 0 <= value <= objects.MAX_TIME * unit or abs(value - round(value / unit) * unit) > unit / 1000:
-        section.refuse(key, expected=f'0..{objects.MAX_TIME * unit:g} s in steps of {unit:g} s', got=f'{value:g}',
-                       remedy='Write it in seconds: 20 ms is 0.02.')
-    return value
 
 
 MAX_DOMAIN_BYTES = 1 << 20  #: limit on the memory that a typing error in a layout can allocate [bytes]

@@ -86,7 +86,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class PadShape:
+class PadSize:
     rows: int
     cols: int
     is_guess: bool
@@ -118,11 +118,11 @@ def draft(dictionary: ObjectDictionary, node_id: int, eds: str, known: Known) ->
     if not taxels:
         raise ConfigurationError(f'{eds}, TPDOs', expected=f'objects of at least {bits} bits that TPDOs map by default',
                                  got='none', remedy='Correct --bits, or write the layout by hand.')
-    shape = _shape(taxels, known, eds)
-    lines = [*_head(eds, taxels, shape, known.bits is None, bits, _is_signed(dictionary, tpdos, bits)), 'tpdos:']
+    size = _size(taxels, known, eds)
+    lines = [*_head(eds, taxels, size, known.bits is None, bits, _is_signed(dictionary, tpdos, bits)), 'tpdos:']
     place = 0
     for tpdo in tpdos:
-        lines += _entry(tpdo, starts[tpdo.number], place, shape.cols)
+        lines += _entry(tpdo, starts[tpdo.number], place, size.cols)
         place += len(starts[tpdo.number])
     return '\n'.join(lines) + '\n'
 
@@ -150,7 +150,7 @@ def _starts(mapping: tuple[MappedObject, ...], bits: int, *, is_packed: bool) ->
     return found
 
 
-def _shape(taxels: int, known: Known, eds: str) -> PadShape:
+def _size(taxels: int, known: Known, eds: str) -> PadSize:
     rows, cols = known.rows, known.cols
     if rows is None and cols is None:
         rows = next(side for side in range(isqrt(taxels), 0, -1) if taxels % side == 0)
@@ -161,7 +161,7 @@ def _shape(taxels: int, known: Known, eds: str) -> PadShape:
     if rows * cols < taxels or max(rows, cols) > MAX_SIDE:
         raise ConfigurationError(f'{eds}, TPDOs', expected=f'at most {rows} x {cols} taxels, {MAX_SIDE} on a side',
                                  got=str(taxels), remedy='Correct --rows, --cols or --bits.')
-    return PadShape(rows, cols, known.rows is None or known.cols is None)
+    return PadSize(rows, cols, known.rows is None or known.cols is None)
 
 
 def _is_signed(dictionary: ObjectDictionary, tpdos: list[EdsTpdo], bits: int) -> bool:
@@ -170,12 +170,12 @@ def _is_signed(dictionary: ObjectDictionary, tpdos: list[EdsTpdo], bits: int) ->
     return bool(types) and all(data_type in SIGNED_TYPES for data_type in types)
 
 
-def _head(eds: str, taxels: int, shape: PadShape, is_width_guessed: bool, bits: int, signed: bool) -> Iterator[str]:
-    guess = f'  # {GUESS}: the EDS maps {taxels} taxels; give --rows or --cols' if shape.is_guess else ''
+def _head(eds: str, taxels: int, size: PadSize, is_width_guessed: bool, bits: int, signed: bool) -> Iterator[str]:
+    guess = f'  # {GUESS}: the EDS maps {taxels} taxels; give --rows or --cols' if size.is_guess else ''
     yield f'# Draft of a skin layout, from {eds}. Replace the values marked {FILL_IN}, and verify those marked {GUESS}'
     yield "# with the device's manual. Then run: tactile check THIS_FILE EDS. sim16x16.yaml explains the keys."
-    yield f'rows: {shape.rows}{guess}'
-    yield f'cols: {shape.cols}{guess}'
+    yield f'rows: {size.rows}{guess}'
+    yield f'cols: {size.cols}{guess}'
     yield f'pitch: 1.0  # {FILL_IN}: distance between the centres of neighbouring taxels [m]'
     yield f'finger_ends: []  # {GUESS}: the finger extends beyond the skin at every side, see sim16x16.yaml'
     yield 'value:'

@@ -57,7 +57,7 @@ def _check_pitch(layout: SkinLayout) -> None:
 def _check_tpdos(layout: SkinLayout) -> None:
     if not layout.tpdos:
         _refuse(layout, 'tpdos', expected='at least one TPDO', got='none',
-                remedy='List the TPDOs that carry the taxels.')
+                remedy='List the TPDOs that carry the taxels, or give the "domain" that carries them.')
 
 
 def _check_event_driven(layout: SkinLayout, event: EventDriven) -> None:

@@ -1,20 +1,18 @@
-"""Generate the tables of layout keys from config/skin_layout.schema.json."""
+"""Generate the tables of layout keys from the keys in the code."""
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-from . import markdown as md
+from tactile_node.skin.layout_keys import layout_schema
 
-FILE = Path(__file__).resolve().parents[3] / 'config/skin_layout.schema.json'
+from . import markdown as md
 
 Schema = dict[str, Any]
 
 
 def markdown() -> str:
-    schema = json.loads(FILE.read_text(encoding='utf-8'))
-    return '\n\n'.join(_section(key, kind) for key, kind in sections('', schema))
+    return '\n\n'.join(_section(key, kind) for key, kind in sections('', layout_schema()))
 
 
 def sections(key: str, kind: Schema) -> Iterator[tuple[str, Schema]]:
@@ -38,11 +36,15 @@ def _mapping(kind: Schema) -> Schema | None:
 
 
 def _section(key: str, kind: Schema) -> str:
-    rows = ((md.code(name), md.code(written(inner)), 'yes' if name in kind['required'] else '',
+    rows = ((md.code(name), md.code(written(inner)), 'required' if name in kind['required'] else _default(inner),
              md.prose(inner.get('description', ''))) for name, inner in kind['properties'].items())
     heading = f'## {md.code(key)}' if key else '## At the top'
     return '\n\n'.join((heading, md.prose(kind.get('description', '')),
-                        md.table(('key', 'value', 'required', 'meaning'), rows)))
+                        md.table(('key', 'value', 'default', 'meaning'), rows)))
+
+
+def _default(kind: Schema) -> str:
+    return md.code(json.dumps(kind['default'])) if 'default' in kind else ''
 
 
 def written(kind: Schema) -> str:
@@ -50,12 +52,12 @@ def written(kind: Schema) -> str:
     if 'enum' in kind:
         return ', '.join(map(str, kind['enum']))
     if 'anyOf' in kind:
-        return ' or '.join(written(form) for form in kind['anyOf'] if form != {'type': 'null'})
-    name = next(name for name in (kind['type'] if isinstance(kind['type'], list) else [kind['type']]))
+        return ' or '.join(map(written, kind['anyOf']))
+    name = kind['type']
     if name == 'array':
         inner = written(kind['items'])
         return f'[{", ".join([inner] * kind["minItems"])}]' if 'minItems' in kind else f'list of {inner}'
     if name in ('integer', 'number') and 'minimum' in kind:
-        return f'{kind["minimum"]:.6g}..{kind["maximum"]:.10g}'
+        return f'{kind["minimum"]:.10g}..{kind["maximum"]:.10g}'
     return {'object': '{...}', 'number': '> 0', 'integer': 'integer', 'string': "'$NODEID+0x180'",
             'boolean': 'true, false'}[name]
