@@ -723,7 +723,10 @@ def process_stalled(bench: FaultBench) -> None:
 
 @fault()
 def wall_clock_set_back(bench: FaultBench) -> None:
-    """The clock goes back an hour. The driver warns about a single clock jump. Stamps never go back, and no TPDO is late."""
+    """The clock goes back an hour.
+
+    The driver warns about a single clock jump. Stamps never go back, and no TPDO is late.
+    """
     _set_clock(bench, -3600.0)
 
 
