@@ -31,7 +31,7 @@ from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import MOST_WAITING
 from tactile_node.taxel_frame import SkinSide, TaxelFrame
-from tactile_skin.msg import Contact, ContactShape, ContactShapes, GraspSides, TaxelArray
+from tactile_skin.msg import Contact, ContactShape, ContactShapes, Grasp, GraspSides, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -269,6 +269,17 @@ def test_messages_for_viewers_follow_the_shapes_of_both_pads():
         go.set()
         assert process.chain.wait_until_idle(TIMEOUT)
     assert made == ['shape of left', 'shape of right', 'images of left', 'images of right']
+
+
+def test_a_chain_that_hangs_does_not_keep_the_grasp_fresh():
+    """The silence is noticed on another thread, so a planner is told even if no stage runs any more."""
+    with Process() as process:
+        grasps = heard_by(process.peer, Grasp, '/grasp')
+        until(lambda: (process.send(), time.sleep(PERIOD), grasps and grasps[-1].fresh)[-1])
+        go = blocked(process.chain)
+        until(lambda: not grasps[-1].fresh)
+        assert grasps[-1].contact == Grasp.UNSEEN
+        go.set()
 
 
 def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
