@@ -158,7 +158,7 @@ fuzz: setup  ## test a million random CAN messages, ten thousand broken files, a
 	@$(BIN)/python test/fuzzing.py
 
 # Test files that run longer, or with more cases, with TACTILE_LONG.
-LONG_TESTS := test/test_hand_over.py test/test_planner_client.py test/test_steadiness.py test/test_drift.py \
+LONG_TESTS := test/test_one_process.py test/test_planner_client.py test/test_steadiness.py test/test_drift.py \
 	test/test_full_bus.py test/test_motion.py test/test_fit_following.py test/test_noise_floor.py \
 	test/test_assembler.py test/test_calibration.py test/test_contact_moments.py test/test_event_driven.py \
 	test/test_features.py test/test_held_object.py test/test_left_over.py test/test_long_recordings.py \

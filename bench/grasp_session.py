@@ -28,7 +28,7 @@ from examples.simulated_gripper.gripper_server import ACTION
 from examples.simulated_gripper.session import JOINT, NODE_IDS, Bench
 from examples.simulated_gripper.world import AXES, SIDES, Place, World
 from tactile_node.grasp.closing import Outcome as Ending
-from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.spinner import spinning
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.touch_client import TouchClient

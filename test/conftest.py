@@ -48,7 +48,7 @@ def pytest_runtest_teardown(item):
     """Destroy the ROS nodes that a test leaves in reference cycles.
 
     The garbage collector would otherwise destroy several nodes at once during another test. In one run, Fast DDS then
-    hung for ever in `DomainParticipant::set_listener`. Before that hang, test_hand_over.py had left four participants
+    hung for ever in `DomainParticipant::set_listener`. Before that hang, test_one_process.py had left four participants
     behind.
     """
     yield

@@ -29,9 +29,9 @@ from rclpy.qos import QoSProfile
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.grasp_node import GraspNode
-from tactile_node.nodes.hand_over import HandOver
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_node.nodes.spinning import FrameExecutor
+from tactile_node.nodes.spinner import SpinnerExecutor
+from tactile_node.nodes.stage import STOP_TIMEOUT, Stages
 from tactile_skin.msg import Contact, ContactShape, TaxelArray
 
 PERIOD = 0.02  # time between two frames [s]
@@ -257,7 +257,7 @@ class World(Watch):
         self._period = period
         self.relays: list[Relay] = []
         self._parameters = parameters
-        self._hand_over = HandOver() if self.hands_over else None
+        self._stages: Stages | None = None
         self._stack = ExitStack()
 
     def __enter__(self) -> 'World':
@@ -284,7 +284,10 @@ class World(Watch):
         self._port = str(Path(stack.enter_context(TemporaryDirectory())) / 'skin')
         self.skin = SkinProcess(self._port, self._held)
         stack.callback(self.skin.end)
-        self.executor = FrameExecutor(context=self.context)
+        self.executor = SpinnerExecutor(context=self.context)
+        if self.hands_over:
+            self._stages = Stages()
+            stack.callback(self._stages.chain.stop, STOP_TIMEOUT)
         self._make_nodes()
         stack.callback(self._destroy_nodes)
         spinner = threading.Thread(target=self._spin, daemon=True)
@@ -324,7 +327,7 @@ class World(Watch):
         return node
 
     def add(self, name: str, kind: type, namespace: str, parameters: dict[str, Any]) -> None:
-        node = kind(self._hand_over, context=self.context, namespace=namespace, cli_args=self._remappings(name),
+        node = kind(self._stages, context=self.context, namespace=namespace, cli_args=self._remappings(name),
                     parameter_overrides=[Parameter(key, value=value) for key, value in parameters.items()])
         self.nodes[name] = node
         self.executor.add_node(node)

@@ -76,13 +76,16 @@ class RosBench:
             self.executor.spin_once(timeout_sec=0.01)
 
     def settle(self) -> None:
-        """Run callbacks until none is ready.
+        """Run callbacks until none is ready and no chain has work.
 
         Between nodes of one process, a message arrives at the moment it is sent.
         """
         is_busy = True
         while is_busy:
             is_busy = False
+            for node in self.executor.get_nodes():
+                if (stages := getattr(node, '_stages', None)) is not None:
+                    assert stages.chain.wait_until_idle(TIMEOUT)
             with suppress(TimeoutException):
                 while True:
                     task, _, _ = self.executor.wait_for_ready_callbacks(timeout_sec=0)
@@ -115,10 +118,13 @@ class VirtualTime:
             self.timers.append(VirtualTimer(self, period, callback, node))
             return self.timers[-1]
 
+        def tick(node: Any, period: float, call: Callable[[], None]) -> None:
+            self.timers.append(VirtualTimer(self, period, call, node))
+
         def destroy_node(node: Any) -> None:
             self.timers = [each for each in self.timers if each.node is not node]
             kind.destroy_node(node)
-        return type(kind.__name__, (kind,), {'create_timer': create_timer, 'destroy_node': destroy_node})
+        return type(kind.__name__, (kind,), {'create_timer': create_timer, 'tick': tick, 'destroy_node': destroy_node})
 
 
 class VirtualTimer:

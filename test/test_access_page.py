@@ -10,7 +10,7 @@ import pytest
 import rclpy
 
 from tactile_node.node_graph import bus_nodes
-from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.spinner import spinning
 from tactile_node.nodes.system import System
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.touches import gripper_sources

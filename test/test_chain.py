@@ -12,7 +12,7 @@ import rclpy
 from candump import DATA, read_candump
 
 from tactile_node.node_graph import Parameters, bus_nodes
-from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.spinner import spinning
 from tactile_node.nodes.system import System
 from tactile_node.ros.qos import frames_qos
 from tactile_skin.msg import ContactFeatures, ContactShape, TaxelArray

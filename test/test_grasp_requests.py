@@ -17,7 +17,7 @@ from test_grasp_node import BOTH, PERIOD, SIM_TIME, Gripper, hidden_shape
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
 from tactile_node.grasp.tracker import GraspContact, GraspState, SideState
 from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests
-from tactile_node.nodes.spinning import FrameExecutor
+from tactile_node.nodes.spinner import SpinnerExecutor
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import requirement_of, timeout_of
 from tactile_node.ros.message_age import age_seconds
@@ -85,7 +85,7 @@ def make_own(ros):
 
     The large ``max_age`` prevents shapes from becoming too old on a busy machine.
     """
-    return partial(Planner, ros, (('max_age', Parameter.Type.DOUBLE, 10.0),), executor=FrameExecutor(),
+    return partial(Planner, ros, (('max_age', Parameter.Type.DOUBLE, 10.0),), executor=SpinnerExecutor(),
                    is_real_time=True)
 
 

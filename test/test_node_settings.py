@@ -17,7 +17,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy
-from ros_bench import RosBench
+from ros_bench import TIMEOUT, RosBench
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.nodes.classifier_node import ClassifierNode
@@ -205,9 +205,15 @@ def drops_incomplete(driver):
     return driver.source.drops
 
 
+def groups_of(processor):
+    """Return the feature groups of the processor, after the chain has applied all changes."""
+    assert processor._stages.chain.wait_until_idle(TIMEOUT)
+    return processor._groups
+
+
 CHANGES = {
     'skin_driver': (Parameter('drop_incomplete', value=True), drops_incomplete),
-    'processor': (Parameter('features', value=['all']), lambda node: node._groups),
+    'processor': (Parameter('features', value=['all']), groups_of),
     'grasp': (Parameter('gap', value=0.02), lambda node: node._opening.current().gap == 0.02)}
 
 

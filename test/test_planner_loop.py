@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter
 from scipy.spatial.transform import Rotation
 
 from tactile_node.node_graph import bus_nodes
-from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.spinner import spinning
 from tactile_node.nodes.system import System
 from tactile_node.ros.message_age import InputAge
 from tactile_node.simulator.skin_simulator import SkinSimulator

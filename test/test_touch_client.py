@@ -10,7 +10,7 @@ from rclpy.action import ActionServer, GoalResponse
 from ros_bench import RosBench
 
 from tactile_node.grasp.closing import Outcome
-from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.spinner import spinning
 from tactile_node.ros.gripper_messages import GripperState, gripper_interface
 from tactile_node.ros.touch_client import OUTCOME_WAIT, TouchClient
 from tactile_skin.msg import GripperOutcome

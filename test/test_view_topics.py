@@ -12,7 +12,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture
 def nodes():
-    from tactile_node.nodes.spinning import Spinner
+    from tactile_node.nodes.spinner import Spinner
     from tactile_node.nodes.view_topics import TopicSource
     source = TopicSource(['left'])
     node = rclpy.create_node('by_hand')

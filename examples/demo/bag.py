@@ -20,7 +20,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from examples.demo.topics import frame_topics
 from tactile_node.logs.bag_decoder import message_types
-from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.spinner import spinning
 from tactile_node.ros.qos import frames_qos
 
 MESSAGES = ('TaxelArray', 'Contact', 'FeatureRange', 'ContactFeatures', 'ContactMotion', 'ContactEvent', 'ContactShape',

@@ -20,7 +20,7 @@ from examples.demo.touches import GAP, LAYOUT, NODE_IDS, PADS, demo_pads, script
 from examples.demo.watcher import Watcher
 from tactile_node.errors import TactileError
 from tactile_node.interruption import interruption
-from tactile_node.nodes.spinning import Spinner
+from tactile_node.nodes.spinner import Spinner
 from tactile_node.viewing.terminal import draw, side_by_side
 
 ROOT = Path(__file__).resolve().parents[2]

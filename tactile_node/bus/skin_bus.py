@@ -21,6 +21,7 @@ from tactile_node.bus.load import refuse_full_bus
 from tactile_node.bus.threads import Pacer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.bus.usb_port import UsbPort
+from tactile_node.chain import Chain
 from tactile_node.cia301.objects import NmtCommand
 from tactile_node.errors import BusError, DeviceError, LogError
 from tactile_node.logs.log_writer import CanLogWriter
@@ -35,8 +36,8 @@ class SkinBus:
 
     `FrameSource` defines the order of the calls, and a `Supervisor` recovers the bus after faults.
 
-    The reception thread puts frames into a queue (`Traffic`). The assembler thread takes the frames from the queue and
-    calls ``on_frame``. The SYNC producer runs on a separate thread. SDO requests run on the thread of the caller.
+    The reception thread posts frames to the chain (`Traffic`). The chain thread assembles the frames and calls
+    ``on_frame``. The SYNC producer runs on a separate thread. SDO requests run on the thread of the caller.
 
     Parameters
     ----------
@@ -50,6 +51,8 @@ class SkinBus:
         Monitor that the bus feeds; None to create one.
     on_failure : callable or None
         Function that is called with a `Failure` when the bus stops working; None to log the failure.
+    chain : Chain or None
+        Running chain on which the frames are assembled; None for a chain of its own.
 
     Raises
     ------
@@ -58,7 +61,8 @@ class SkinBus:
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
-                 monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None):
+                 monitor: BusMonitor | None = None, on_failure: Callable[[Failure], None] | None = None,
+                 chain: Chain | None = None):
         check_pads(pads)
         check_bit_rate(settings.bitrate)  # this check comes first, because the load depends on the bit rate
         if not settings.allow_full_bus:
@@ -78,7 +82,7 @@ class SkinBus:
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
         self.traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                queue_limit=settings.queue_limit, sync_period=settings.sync_period,
-                               is_host_stamped=is_stamped_on_arrival or settings.interface == 'slcan')
+                               is_host_stamped=is_stamped_on_arrival or settings.interface == 'slcan', chain=chain)
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None

@@ -1,7 +1,6 @@
-"""Stamp and count the CAN frames of one bus, and queue them for the assembler."""
+"""Stamp and count the CAN frames of one bus, and post them to the chain, which assembles them."""
 
 import logging
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
@@ -17,27 +16,23 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, OnFailure
 from tactile_node.bus.reception import Batch
 from tactile_node.bus.stamp_clock import StampClock
+from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
-from tactile_node.threads import ReportedThread, call_guarded
 
 logger = logging.getLogger(__name__)
 
-Call = tuple[Callable[..., object], tuple[object, ...]]
-
-LONGEST_WRITE = 0.1  #: Longest time the assembler waits until a SYNC has been written [s].
+LONGEST_WRITE = 0.1  #: Longest time the chain waits until a SYNC has been written [s].
 NO_DATA = -1  #: Placeholder COB-ID of a message that is not a data frame with an 11-bit identifier.
 
 
 class Traffic:
-    """Queues every received message, and every sent message that the assembler needs, for the assembler thread.
-
-    The assembler thread runs from ``begin`` to ``end`` and executes the queued calls in order.
+    """Posts every received message, and every sent message that the assembler needs, to the chain.
 
     Parameters
     ----------
     router : Router
-        Router that the assembler thread feeds.
+        Router that the chain feeds.
     monitor : BusMonitor
         Monitor that the reception thread feeds.
     on_failure : callable
@@ -45,22 +40,24 @@ class Traffic:
     polled : collection of int
         Node-IDs of polled pads. The assembler also needs the SDO requests to these nodes.
     queue_limit : int
-        Largest number of CAN frames that may wait for the assembler.
+        Largest number of CAN frames that may wait for the chain.
     is_host_stamped : bool
         True if messages carry stamps from the wall clock of this host; see `StampClock`.
     sync_period : float
         Time between two SYNCs [s].
+    chain : Chain or None
+        Running chain of the process; None for a chain of its own, which runs from ``begin`` to ``end``.
     """
 
     def __init__(self, router: Router, monitor: BusMonitor, on_failure: OnFailure, *, polled: Collection[int],
-                 queue_limit: int, is_host_stamped: bool, sync_period: float):
+                 queue_limit: int, is_host_stamped: bool, sync_period: float, chain: Chain | None = None):
         self._router = router
         self._monitor = monitor
         self._on_failure = on_failure
         self._polled = polled
         self._queue_limit = queue_limit
-        self._queue: SimpleQueue[Call | None] = SimpleQueue()
-        self._thread: threading.Thread | None = None
+        self._chain = chain or Chain('assembler')
+        self._owns_chain = chain is None
         self.clock = StampClock(is_host_stamped)
         self._jumps_reported = 0
         self.no_data_frames: Counter[str] = Counter()  #: received messages that are not data frames, by kind
@@ -76,21 +73,18 @@ class Traffic:
         self._read_at = 0.0  # time at which the last batch was read, on the steady clock
 
     def begin(self) -> None:
-        """Start the assembler thread with an empty queue.
-
-        If the previous assembler thread is still blocked in a call, that thread ends after the call.
-        """
-        self._put = self._fed = 0
+        """Begin to receive. No message before this moment belongs to a frame."""
         self._is_gap = True
-        self._queue = SimpleQueue()
-        self._thread = ReportedThread(self._work, 'assembler', self._queue)
-        self._thread.start()
+        if self._owns_chain:
+            self._put = self._fed = 0
+            self._chain.start()
 
     def end(self, timeout: float) -> None:
-        """End the assembler thread after all calls queued so far, and wait up to ``timeout`` [s] for it to end."""
-        self._queue.put(None)
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join(timeout)
+        """Wait up to ``timeout`` [s] until the chain has run all calls posted so far."""
+        if self._owns_chain:
+            self._chain.stop(timeout)
+        else:
+            self._chain.wait_until_idle(timeout)
 
     def restart(self) -> None:
         """Start the sequence numbers at 0, and let the stamps follow the wall clock."""
@@ -99,7 +93,7 @@ class Traffic:
         self.put(self._router.restart)
 
     def put(self, call: Callable[..., object], *args: object) -> None:
-        """Queue a call for the assembler thread behind all messages received so far.
+        """Post a call to the chain, behind all messages received so far.
 
         Any thread may call ``put``. The method returns immediately.
 
@@ -110,10 +104,10 @@ class Traffic:
         *args
             Its arguments.
         """
-        self._queue.put((call, args))
+        self._chain.post(call, *args)
 
     def received(self, batch: Batch) -> None:
-        """Count, stamp and queue a batch.
+        """Count, stamp and post a batch.
 
         The reception thread calls ``received``, so the method must return quickly.
         """
@@ -138,11 +132,6 @@ class Traffic:
         else:
             self.overruns += sum(can_id != NO_DATA for can_id, _, _ in frames)
 
-    def _work(self, queue: 'SimpleQueue[Call | None]') -> None:
-        while (item := queue.get()) is not None and queue is self._queue:
-            call, args = item
-            call_guarded(call, *args)
-
     def _came(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
 
@@ -164,7 +153,7 @@ class Traffic:
         return 0.0 if is_gap else max(0.0, after - before)
 
     def _feed(self, frames: list[tuple[int, bytes, float]], came: tuple[float, float] | None, most_free: float) -> None:
-        """Feed a batch to the router, on the assembler thread.
+        """Feed a batch to the router, on the chain thread.
 
         If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
         """
@@ -199,7 +188,7 @@ class Traffic:
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
         """Send a SYNC, unless the driver must skip it so that the bus becomes free (`SyncPause`).
 
-        The SYNC is queued for the assembler before it is sent on the bus, so no TPDO can overtake it. The assembler
+        The SYNC is posted to the chain before it is sent on the bus, so no TPDO can overtake it. The chain
         receives the start and the end of the write, because the SYNC was on the bus at some time in between.
 
         Parameters
@@ -231,7 +220,7 @@ class Traffic:
             self._report_jump()
 
     def _begin_period(self, stamp: float, written: SimpleQueue[float]) -> None:
-        """Begin a period, on the assembler thread.
+        """Begin a period, on the chain thread.
 
         The thread first waits until the SYNC has been written, because answers must not be used before the delay of the
         SYNC is known.

@@ -7,10 +7,11 @@ from typing import Any
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
+from tactile_node.chain import Step
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.hand_over import HandOver, StageInput, StageNode, StageOutput
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
+from tactile_node.nodes.stage import StageInput, StageNode, StageOutput, Stages
 from tactile_node.nodes.view_topics import ShapeView
 from tactile_node.pose.pipeline import DEFAULT_FUSION, ContactPipeline, StreamedContact
 from tactile_node.ros.contact_messages import PadContact, pad_contact_of
@@ -37,8 +38,8 @@ class ClassifierNode(StageNode):
 
     Parameters
     ----------
-    hand_over : HandOver or None
-        Hand-over between the nodes of this process, or None if the node runs alone in its process.
+    stages : Stages or None
+        Stages of this process, or None if the node runs alone in its process.
     **options
         Keyword arguments for rclpy's ``Node``.
 
@@ -48,25 +49,25 @@ class ClassifierNode(StageNode):
         Raised if a parameter is invalid.
     """
 
-    def __init__(self, hand_over: HandOver | None = None, **options: Any):
-        super().__init__(NODE_NAMES[Role.CLASSIFIER], **options)
+    def __init__(self, stages: Stages | None = None, **options: Any):
+        super().__init__(NODE_NAMES[Role.CLASSIFIER], stages, **options)
         declare(self, ClassifierSettings)
         self._settings = read(self, ClassifierSettings)
         self._pipeline = ContactPipeline(
             make_recogniser(self._settings.method, self._settings.model), fits=self._settings.fit,
             fusion=DEFAULT_FUSION if self._settings.fuse else None)
-        hand_over, qos = hand_over or HandOver(), self._settings.qos
+        qos = self._settings.qos
         self.recognised = 0  #: number of contacts for which a shape was published
         self._shapes: StageOutput[PadShape] = StageOutput(self, ContactShape, 'shape', self._settings,
-                                                          lambda shape: shape.whole, hand_over)
+                                                          lambda shape: shape.whole, self._stages)
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
         self._all_shapes = self.create_publisher(ContactShapes, 'shapes', qos)
         self._events = self.create_publisher(ContactEvent, 'events',
                                             frames_qos(EVENT_DEPTH, self._settings.lossless))
         self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
         self._contacts = StageInput(self, Contact, 'contact', self.accept, self._settings, check=check_contact,
-                                    parse=pad_contact_of, hand_over=hand_over, newest_only=True)
-        self.stages = self._contacts, self._shapes
+                                    parse=pad_contact_of, stages=self._stages, step=Step.RECOGNISE)
+        self._ends = self._contacts, self._shapes
         MessageHealth(self, [self._contacts], self._settings)
 
     def accept(self, contact: PadContact) -> None:

@@ -21,17 +21,18 @@ from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.driver_services import TareService, Zeroing, serve_faults
 from tactile_node.nodes.driver_source import check_heartbeat, driver_pads, make_source, pad_frames
-from tactile_node.nodes.hand_over import HandOver
 from tactile_node.nodes.lifecycle_steps import LifecycleSteps, reject_invalid_transitions
 from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay import ClockOutput
 from tactile_node.nodes.run import run_node
+from tactile_node.nodes.stage import STOP_TIMEOUT, Stages
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, masks_faulty, skin_responses
 from tactile_node.ros.parameters import declare, follow_changes, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import PrimaryState
+from tactile_node.taxel_frame import TaxelFrame
 
 #: Parameters read by configure: all parameters that are not live, except autostart and wait_at_start (read at startup).
 READ_AT_CONFIGURE = frozenset(each.name for each in table(DriverSettings) if not each.properties.live
@@ -42,6 +43,8 @@ logger = logging.getLogger(__name__)
 WAITED_FOR = (BusError, DeviceAbsentError)
 #: Delay between the `shutdown` transition and the end of the process, during which rclpy sends the response [s].
 LAST_ANSWER = 0.3
+#: Time after which a log that waits for the chain checks whether the driver was deactivated [s].
+WAITING_PERIOD = 0.2
 RETRY_PERIOD = 0.5  #: Time between two attempts to configure while the driver waits for a bus or device at start [s].
 
 
@@ -50,15 +53,15 @@ class DriverNode(LifecycleNode):
 
     Parameters
     ----------
-    hand_over : HandOver or None
-        Hand-over to the other nodes of this process, or None if the node runs alone in its process.
+    stages : Stages or None
+        Stages of this process, or None if the node runs alone in its process.
     **options
         Keyword arguments for rclpy's ``LifecycleNode``.
     """
 
     _is_made = False  # True once the constructor has finished
 
-    def __init__(self, hand_over: HandOver | None = None, **options: Any):
+    def __init__(self, stages: Stages | None = None, **options: Any):
         super().__init__(NODE_NAMES[Role.DRIVER], **options)
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
@@ -68,7 +71,9 @@ class DriverNode(LifecycleNode):
         self._settings: DriverSettings | None = None  # None unless configured
         self.source: FrameSource | None = None  #: the bus or the log, or None while the driver is unconfigured
         self._pads: dict[str, PadOutput] = {}
-        self._hand_over = hand_over or HandOver()
+        self._stages = stages or Stages()
+        self._is_playing = False  # True while the thread of a log may wait for the chain
+        self._is_alone = stages is None
         # functions that release the resources acquired by configure, called in reverse order
         self._owned: list[Callable[[], object]] = []
         self._steps = LifecycleSteps(self)
@@ -135,7 +140,7 @@ class DriverNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the devices or the log."""
         self._tare.give_up('one that was deactivated')
-        self._hand_over.release()
+        self._is_playing = False
         return self._publish_after(self._steps.attempt(self._configured_source().stop), PrimaryState.INACTIVE)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -160,9 +165,10 @@ class DriverNode(LifecycleNode):
         """Close the bus or the log, and publish the state of the driver one last time."""
         if self._is_made:  # since Kilted, the context also destroys a node whose constructor failed
             self._release()
-            if self.context.ok():
-                self._state.update(is_last=True)
+            self._state.end()
             stop_forwarding_to(self)
+            if self._is_alone:
+                self._stages.chain.stop(STOP_TIMEOUT)
         super().destroy_node()
 
     def _configure(self) -> None:
@@ -172,12 +178,12 @@ class DriverNode(LifecycleNode):
         conditioned = conditioned_pads(pads, settings, responses)
         frame_period = max(pad.layout.frame_period(settings.sync_period) for pad in pads)
         self._state.begin(f'{settings.interface} {settings.channel}', frame_period)
-        source = make_source(settings, pads, lambda pad, frame: self._pads[pad].publish(frame),
+        source = make_source(settings, pads, self._replayed if settings.replay else self._publish, self._stages.chain,
                              self._make_clock(settings))
         outputs = {}
         for pad, frame_id in zip(pads, pad_frames(settings, pads)):
             outputs[pad.name] = output = PadOutput(
-                self, pad, frame_id, conditioned[pad.name], settings, self._hand_over, source.age,
+                self, pad, frame_id, conditioned[pad.name], settings, self._stages, source.age,
                 layer=responses[pad.name].layer if pad.name in responses else None)
             self._owned.append(output.destroy)
             if settings.replay and settings.lossless and not output.is_answered:
@@ -189,14 +195,29 @@ class DriverNode(LifecycleNode):
         self._tare.begin(Zeroing(pads={name: pad.tared for name, pad in conditioned.items()},
                                  limit=lambda pad: tare_limit(self.get_parameter('tare_limit').value, units[pad]),
                                  frame_period=frame_period, source=source))
-        self._owned += [lambda: self.destroy_service(saving), self._tare.end, source.close, self._hand_over.release]
+        self._owned += [lambda: self.destroy_service(saving), self._tare.end, source.close]
         source.open()
         self.source = source
         self._apply(read(self, DriverSettings))  # a live parameter may have been set after the settings were read above
         source.configure()
 
+    def _publish(self, pad: str, frame: TaxelFrame) -> None:
+        """Publish a taxel frame of a bus, on the chain thread."""
+        self._pads[pad].publish(frame)
+
+    def _replayed(self, pad: str, frame: TaxelFrame) -> None:
+        """Publish a taxel frame of a log on the chain thread, while the thread of the log waits.
+
+        A lossless log waits until all stages have processed the frame. Any other log waits only until the contacts are
+        found, so that a slow machine leaves out shapes as with a live bus.
+        """
+        chain, is_lossless = self._stages.chain, self._settings is not None and self._settings.lossless
+        chain.post(self._publish, pad, frame)
+        while self._is_playing and not chain.wait_until_idle(WAITING_PERIOD, with_postponed=is_lossless):
+            pass
+
     def _start(self) -> None:
-        self._hand_over.hold()
+        self._is_playing = True
         self._configured_source().start()
         self._tare.expect()
 
@@ -259,6 +280,7 @@ class DriverNode(LifecycleNode):
     def _release(self) -> None:
         self._settings = None
         self.source = None
+        self._is_playing = False
         while self._owned:
             self._owned.pop()()
         self._pads = {}

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 from tactile_node.assembly.frame_source import FrameSource, OnFrame
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.chain import Chain
 from tactile_node.errors import ConfigurationError
 from tactile_node.logs.log_writer import MEGABYTE
 from tactile_node.ros.settings import DriverSettings
@@ -45,7 +46,7 @@ def check_heartbeat(settings: DriverSettings) -> None:
                                  remedy='Raise heartbeat_timeout.')
 
 
-def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame,
+def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame, chain: Chain,
                 on_time: Callable[[float], None] | None = None) -> FrameSource:
     """Return the supervised bus, or the log to replay, without opening it.
 
@@ -56,7 +57,10 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
     pads : tuple of PadSettings
         Pads of the driver.
     on_frame : callable
-        Function that the source calls with the name of the pad for each taxel frame.
+        Function that the source calls with the name of the pad for each taxel frame: a bus on the chain thread, and a
+        log on its own thread.
+    chain : Chain
+        Chain on which a bus assembles the frames.
     on_time : callable or None
         Function that a log calls with the current replay time [s].
 
@@ -82,4 +86,4 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
                       allow_full_bus=settings.allow_full_bus,
                       heartbeat_ms=round(1000 * settings.heartbeat_period))
     return Supervisor(bus, live_pads(pads), on_frame, recover=settings.recover,
-                      heartbeat_timeout=settings.heartbeat_timeout)
+                      heartbeat_timeout=settings.heartbeat_timeout, chain=chain)

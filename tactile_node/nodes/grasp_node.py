@@ -2,12 +2,11 @@
 
 import math
 import sys
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
-
-from rclpy.clock import Clock, ClockType
 
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import Opening
@@ -15,11 +14,11 @@ from tactile_node.grasp.steadiness import SteadinessSettings
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
-from tactile_node.nodes.hand_over import HandOver, StageInput, StageNode
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_transforms import publish_pad_frames
 from tactile_node.nodes.run import run_node
+from tactile_node.nodes.stage import StageInput, StageNode, Stages
 from tactile_node.ros.grasp_messages import grasp_message, side_result, sides_message
 from tactile_node.ros.message_age import Arrival
 from tactile_node.ros.message_checks import check_contact_shape
@@ -33,6 +32,7 @@ from tactile_skin.msg import ContactShape, Grasp, GraspSides
 #: If a stamp goes back by more than this time, another log is being replayed [s]. The stamps of the pads in one log
 #: differ by less.
 ANOTHER_LOG = 60.0
+SILENCE_PERIOD = 0.02  #: Time between two checks whether a pad is silent [s].
 
 
 class GraspNode(StageNode):
@@ -44,8 +44,8 @@ class GraspNode(StageNode):
 
     Parameters
     ----------
-    hand_over : HandOver or None
-        Hand-over from the other nodes of this process, or None if the node runs alone in its process.
+    stages : Stages or None
+        Stages of this process, or None if the node runs alone in its process.
     steady : callable
         Steady clock for ages and timeouts [s].
     **options
@@ -57,14 +57,17 @@ class GraspNode(StageNode):
         Raised if a parameter is invalid.
     """
 
-    def __init__(self, hand_over: HandOver | None = None, *, steady: Callable[[], float] = time.monotonic,
+    def __init__(self, stages: Stages | None = None, *, steady: Callable[[], float] = time.monotonic,
                  **options: Any):
         # These attributes are set before rclpy's constructor, because Kilted calls destroy_node even after a failed
         # constructor.
         self._steady = steady
+        # The chain updates the grasp, a ticker notices silences, and the executor answers requests. The lock covers no
+        # work of another stage, so a chain that hangs cannot hide a silence.
+        self._lock = threading.RLock()
         self._arrivals: dict[str, Arrival] = {}
         self._requests: GraspRequests | None = None
-        super().__init__(NODE_NAMES[Role.GRASP], **options)
+        super().__init__(NODE_NAMES[Role.GRASP], stages, **options)
         declare(self, GraspNodeSettings)
         self._settings = settings = read(self, GraspNodeSettings)
         self._gripper = gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
@@ -79,18 +82,15 @@ class GraspNode(StageNode):
         self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
         self._sides_publisher = self.create_publisher(GraspSides, 'grasp_sides', settings.qos)
         self._requests = GraspRequests(self, self._current, steady)
-        # The timers use the steady clock, because the node's clock stands still with use_sim_time and no /clock.
-        self._silences = {side: self.create_timer(self._tracker.silence_limit(side), self._on_silence,
-                                                  clock=Clock(clock_type=ClockType.STEADY_TIME)) for side in SIDES}
-        for silence in self._silences.values():
-            silence.cancel()
-        hand_over = hand_over or HandOver()
+        # time at which each side counts as silent unless another shape arrives, on the steady clock [s]
+        self._silent_at = dict.fromkeys(SIDES, math.inf)
         self._shapes: dict[str, StageInput[ContactShape, PadShape]] = {
             side: StageInput(self, ContactShape, f'{pad}/shape', partial(self.accept, side), settings,
-                             check=check_contact_shape, parse=PadShape, hand_over=hand_over, steady=steady)
+                             check=check_contact_shape, parse=PadShape, stages=self._stages, steady=steady)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
-        self.stages = tuple(self._shapes.values())
+        self._ends = tuple(self._shapes.values())
         MessageHealth(self, tuple(self._shapes.values()), settings)
+        self.tick(SILENCE_PERIOD, self._look_for_silence)
 
     def accept(self, side: str, shape: PadShape) -> None:
         """Update the grasp with a new shape from one pad, and publish the grasp.
@@ -103,30 +103,30 @@ class GraspNode(StageNode):
             Shape on the pad of this side.
         """
         arrival = self._shapes[side].arrival
-        self._arrivals[side] = arrival
-        self._latest[side] = shape
         stamp = seconds(shape.header.stamp)
-        self._stamp = max(stamp, self._stamp) if self._stamp - stamp < ANOTHER_LOG else stamp
         acquired = stamp if self._settings.lossless else arrival.acquired
-        opening = self._opening.current()
-        state = self._tracker.update(side, side_result(shape.bare, acquired), self._now(), opening.gap)
-        self._publish(state, opening)
-        if not self._settings.lossless:
-            self._await_next(side)
+        result, opening = side_result(shape.bare, acquired), self._opening.current()
+        with self._lock:
+            self._arrivals[side] = arrival
+            self._latest[side] = shape
+            self._stamp = max(stamp, self._stamp) if self._stamp - stamp < ANOTHER_LOG else stamp
+            self._publish(self._tracker.update(side, result, self._now(), opening.gap), opening)
+            if not self._settings.lossless:
+                self._silent_at[side] = self._steady() + self._tracker.silence_limit(side)
 
     def _now(self) -> float:
         """Return the current time [s]: the latest stamp in a lossless replay, otherwise the steady clock."""
         return self._stamp if self._settings.lossless else self._steady()
 
-    def _await_next(self, side: str) -> None:
-        """Restart the timer that publishes a stale grasp if no further shape of ``side`` arrives in time."""
-        silence, limit = self._silences[side], round(self._tracker.silence_limit(side) * 1e9)
-        if silence.timer_period_ns != limit:
-            silence.timer_period_ns = limit
-        silence.reset()
-
-    def _on_silence(self) -> None:
-        self._publish_without_result(self._now())
+    def _look_for_silence(self) -> None:
+        """Publish the grasp again and again while a side is silent, so that the last grasp does not look current."""
+        now = self._steady()
+        with self._lock:
+            silent = [side for side in SIDES if now >= self._silent_at[side]]
+            for side in silent:
+                self._silent_at[side] = now + self._tracker.silence_limit(side)
+            if silent:
+                self._publish_without_result(self._now())
 
     def destroy_node(self) -> None:
         """Publish a grasp without results before the node ends, because the last grasp would otherwise look valid."""
@@ -139,7 +139,8 @@ class GraspNode(StageNode):
     def _publish_without_result(self, now: float) -> None:
         """Compute the grasp at the time ``now`` [s] from the shapes received so far, and publish it."""
         opening = self._opening.current()
-        self._publish(self._tracker.state(now, opening.gap), opening)
+        with self._lock:
+            self._publish(self._tracker.state(now, opening.gap), opening)
 
     def _publish(self, state: GraspState, opening: Opening) -> None:
         current = self._described(state, opening)
@@ -149,7 +150,7 @@ class GraspNode(StageNode):
             self._sides_publisher.publish(sides_message(
                 state, [self._latest[side].whole for side in SIDES], self._settings.frame, self._ages()))
         if self._requests is not None:
-            self._requests.look(current)
+            self._requests.wake()
 
     def _current(self) -> CurrentGrasp:
         """Return the current grasp from the shapes received so far.
@@ -157,11 +158,12 @@ class GraspNode(StageNode):
         The stamps stand still after a lossless replay has ended. All shapes therefore count as too old once no shape
         has arrived for max_age.
         """
-        steady = self._steady()
-        received = max((arrival.steady for arrival in self._arrivals.values()), default=-math.inf)
-        has_ended = self._settings.lossless and steady - received > self._settings.max_age
         opening = self._opening.current()
-        return self._described(self._tracker.state(math.inf if has_ended else self._now(), opening.gap), opening)
+        with self._lock:
+            steady = self._steady()
+            received = max((arrival.steady for arrival in self._arrivals.values()), default=-math.inf)
+            has_ended = self._settings.lossless and steady - received > self._settings.max_age
+            return self._described(self._tracker.state(math.inf if has_ended else self._now(), opening.gap), opening)
 
     def _described(self, state: GraspState, opening: Opening) -> CurrentGrasp:
         sides = [self._latest[side].bare for side in SIDES]

@@ -80,18 +80,18 @@ class GraspRequests:
             cancel_callback=lambda handle: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
         self._service = node.create_service(CheckGrasp, '~/check_grasp', self._on_check)
         # The timer uses the steady clock, because with use_sim_time and no /clock, a goal would never time out.
-        self._timer = node.create_timer(GOAL_LOOK_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(GOAL_LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
+        self._changed = node.create_guard_condition(self._look)
 
-    def look(self, current: CurrentGrasp) -> None:
-        """Check the waiting goals against the grasp that was just published.
+    def wake(self) -> None:
+        """Let the executor check the waiting goals, because the grasp has changed. Any thread may call this method."""
+        if self._goals:
+            self._changed.trigger()
 
-        Parameters
-        ----------
-        current : CurrentGrasp
-            Present grasp.
-        """
-        now = self._steady()
+    def _look(self) -> None:
+        """Check the waiting goals against the present grasp."""
+        current, now = self._current(), self._steady()
         for goal in tuple(self._goals):
             found = current.missing(goal.requirement)
             if not found or now >= goal.deadline or goal.handle.is_cancel_requested:
@@ -110,9 +110,6 @@ class GraspRequests:
         self._timer.cancel()
         self._server.destroy()
 
-    def _on_timer(self) -> None:
-        self.look(self._current())
-
     def _on_accepted(self, handle: ServerGoalHandle) -> None:
         try:
             requirement, timeout = self._requirement(handle.request.requirement), timeout_of(handle.request.timeout)
@@ -124,7 +121,7 @@ class GraspRequests:
         allow_feedback(handle)
         self._goals.append(_Goal(handle, requirement, self._steady() + timeout))
         self._timer.reset()
-        self.look(self._current())
+        self._look()
 
     @staticmethod
     def _refuse(handle: ServerGoalHandle, error: RefusedRequirementError) -> WaitForGrasp.Result:

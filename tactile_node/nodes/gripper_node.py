@@ -39,7 +39,8 @@ from tactile_node.grasp.tracker import GraspContact
 from tactile_node.nodes.duplicate_watch import DuplicateWatch, duplicate_text
 from tactile_node.nodes.grasp_requests import allow_feedback
 from tactile_node.nodes.gripper_client import SILENCES, GripperClient, GripperResult
-from tactile_node.nodes.guarded_subscription import GuardedSubscription, publisher_names
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.message_guard import publisher_names
 from tactile_node.nodes.node_health import MessageHealth, publish_status
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_checks import check_grasp

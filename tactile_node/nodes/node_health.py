@@ -4,6 +4,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
@@ -11,13 +12,33 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tactile_node.bus.message_pace import Reminder
-from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.message_age import use_stamps
-from tactile_node.ros.message_health import StreamFault, StreamHealth, health_status, several_text, topics_of_several
+from tactile_node.ros.message_health import (
+    MessageCounts,
+    StreamFault,
+    StreamHealth,
+    health_status,
+    several_text,
+    topics_of_several,
+)
 from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import ReceiverSettings
 
 logger = logging.getLogger(__name__)
+
+
+class Stream(Protocol):
+    """Input of a node, such as a `GuardedSubscription` or a `StageInput`."""
+
+    topic: str  #: full name of the topic
+
+    @property
+    def counts(self) -> MessageCounts:
+        """Message counts since construction."""
+
+    @property
+    def health(self) -> StreamHealth:
+        """Counts, age and stamp of the newest data, and the publishers of the topic."""
 
 
 class MessageHealth:
@@ -30,13 +51,13 @@ class MessageHealth:
     ----------
     node : Node
         Node whose health is published.
-    subscriptions : sequence of GuardedSubscription
-        Subscriptions of the node.
+    subscriptions : sequence of Stream
+        Inputs of the node.
     settings : ReceiverSettings
         Settings of the node.
     """
 
-    def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription], settings: ReceiverSettings):
+    def __init__(self, node: Node, subscriptions: Sequence[Stream], settings: ReceiverSettings):
         self._node = node
         self._max_clock_offset = settings.max_clock_offset if use_stamps(node, settings) else math.inf
         self._subscriptions = tuple(subscriptions)

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from rclpy.node import Node
 
 from tactile_node.conditioning.conditioned_pad import ConditionedPad, PadCondition
-from tactile_node.nodes.guarded_subscription import publisher_names
-from tactile_node.nodes.hand_over import HandOver, StageOutput
+from tactile_node.nodes.message_guard import publisher_names
+from tactile_node.nodes.stage import StageOutput, Stages
 from tactile_node.pose.pipeline import Taxels
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
@@ -21,10 +21,7 @@ LOOK_PERIOD = 1.0  #: Time between two checks for other publishers [s].
 
 
 class PadOutput:
-    """Conditions the taxel frames of one pad, publishes them and hands them to the processor.
-
-    If all stages up to the classifier run in this process, the output waits in a lossless replay until each frame has
-    been processed.
+    """Conditions the taxel frames of one pad, publishes them and passes them to the processor.
 
     Parameters
     ----------
@@ -38,8 +35,8 @@ class PadOutput:
         Conditioning stage of the pad.
     settings : DriverSettings
         Settings of the driver.
-    hand_over : HandOver
-        Hand-over that connects the stages of this process.
+    stages : Stages
+        Stages of this process.
     age : callable
         Function that returns the age of a frame from its stamp [s]; see `FrameSource.age`.
     layer : Layer or None
@@ -47,7 +44,7 @@ class PadOutput:
     """
 
     def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,
-                 settings: DriverSettings, hand_over: HandOver, age: Callable[[float], float],
+                 settings: DriverSettings, stages: Stages, age: Callable[[float], float],
                  layer: Layer | None = None):
         self.conditioned = conditioned
         self.unit = pad.layout.value.unit
@@ -55,11 +52,9 @@ class PadOutput:
         self._frame_id = frame_id
         self._age = age
         self._node = node
-        self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, hand_over)
-        self._hand_over = hand_over
+        self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, stages)
         #: True if all stages up to the classifier run in this process
-        self.is_answered = hand_over.is_complete(self._output.topic)
-        self._waits = bool(settings.replay) and settings.lossless and self.is_answered
+        self.is_answered = stages.is_complete(self._output.topic)
         self._others: tuple[str, ...] = ()
         self._looked = -math.inf
 
@@ -69,11 +64,9 @@ class PadOutput:
         return self.conditioned.condition._replace(other_publishers=self._other_publishers())
 
     def publish(self, frame: TaxelFrame) -> None:
-        """Condition a taxel frame, publish it and hand it over."""
+        """Condition a taxel frame, publish it and pass it on, on the chain thread."""
         conditioned = PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id)
         self._output.send(conditioned, acquired=time.monotonic() - self._age(frame.stamp))
-        if self._waits:
-            self._hand_over.wait_until_answered()
 
     def _other_publishers(self) -> tuple[str, ...]:
         """Return the full names of the other nodes that publish on the same topic. The names are read once a second.

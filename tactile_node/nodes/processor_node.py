@@ -6,14 +6,15 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+from tactile_node.chain import Step
 from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.scale import UnitScale
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.hand_over import HandOver, StageInput, StageNode, StageOutput
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.run import run_node
+from tactile_node.nodes.stage import StageInput, StageNode, StageOutput, Stages
 from tactile_node.nodes.view_topics import TaxelViews
 from tactile_node.pose.pipeline import ContactPipeline
 from tactile_node.ros.contact_messages import (
@@ -44,8 +45,8 @@ class ProcessorNode(StageNode):
 
     Parameters
     ----------
-    hand_over : HandOver or None
-        Hand-over between the nodes of this process, or None if the node runs alone in its process.
+    stages : Stages or None
+        Stages of this process, or None if the node runs alone in its process.
     **options
         Keyword arguments for rclpy's ``Node``.
 
@@ -55,23 +56,23 @@ class ProcessorNode(StageNode):
         Raised if a parameter is invalid.
     """
 
-    def __init__(self, hand_over: HandOver | None = None, **options: Any):
-        super().__init__(NODE_NAMES[Role.PROCESSOR], **options)
+    def __init__(self, stages: Stages | None = None, **options: Any):
+        super().__init__(NODE_NAMES[Role.PROCESSOR], stages, **options)
         declare(self, ProcessorSettings)
         self._settings = settings = read(self, ProcessorSettings)
         self._groups = feature_groups(settings.features)
         self._pipeline = ContactPipeline(thresholds=thresholds_of(settings), smallest_contact=settings.smallest_contact)
         self._scales = scales_of(settings)
-        hand_over = hand_over or HandOver()
-        self._contacts = StageOutput(self, Contact, 'contact', self._settings, contact_message, hand_over)
+        self._contacts = StageOutput(self, Contact, 'contact', self._settings, contact_message, self._stages)
         self._features = self.create_publisher(ContactFeatures, 'features', self._settings.qos)
         self._views = TaxelViews(self, self._settings.queue_depth, self._settings.full_scale)
         self._taxels = StageInput(self, TaxelArray, 'taxels', self.accept, self._settings, check=check_taxel_array,
-                                  parse=pad_frame_of, hand_over=hand_over)
+                                  parse=pad_frame_of, stages=self._stages,
+                                  step=Step.FIND, most_waiting=settings.most_waiting)
         self._taxels.sends_on = self._contacts.topic
-        self.stages = self._taxels, self._contacts
+        self._ends = self._taxels, self._contacts
         MessageHealth(self, [self._taxels], self._settings)
-        follow_changes(self, ProcessorSettings, check, self._apply)
+        follow_changes(self, ProcessorSettings, check, lambda changed: self._stages.chain.post(self._apply, changed))
 
     def _apply(self, settings: ProcessorSettings) -> None:
         """Apply only the changed settings, so that the pipeline keeps its knowledge of the pad."""

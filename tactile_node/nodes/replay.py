@@ -6,7 +6,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
-from tactile_node.nodes.spinning import Spinner
+from tactile_node.nodes.spinner import Spinner
 from tactile_node.nodes.system import System
 from tactile_node.ros.time_messages import time_message
 

@@ -26,7 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 from tactile_node.errors import ConfigurationError, TactileError
 from tactile_node.interruption import ignore_interruptions, interruption, stop_with
 from tactile_node.node_graph import NodeDescription
-from tactile_node.nodes.spinning import Spinner, spinning
+from tactile_node.nodes.spinner import Spinner, spinning
 from tactile_node.nodes.system import System
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 

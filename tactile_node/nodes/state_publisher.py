@@ -15,7 +15,7 @@ from tactile_node.assembly.health import BusHealth
 from tactile_node.bus.message_pace import ChangePace
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.errors import TactileError
-from tactile_node.nodes.node_health import start_health_timer
+from tactile_node.nodes.ticker import Ticker
 from tactile_node.ros.diagnostics import EVALUATED_PERIOD, BusDiagnostics, Finding, diagnostic_array, unconfigured
 from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message
@@ -36,7 +36,7 @@ class DriverState(NamedTuple):
 class StatePublisher:
     """Publishes the state on both topics with the same stamp, once a second and at each change (see `ChangePace`).
 
-    The publisher exists as long as its node. The stamp comes from the node's clock. With use_sim_time, the stamp is 0
+    The stamp comes from the node's clock. With use_sim_time, the stamp is 0
     until the first message on /clock, but the state is still published.
 
     Parameters
@@ -50,13 +50,19 @@ class StatePublisher:
     def __init__(self, node: Node, look: Callable[[], DriverState]):
         self._node = node
         self._look = look
-        self._turn = threading.Lock()  # transitions and the executor may run on different threads
+        self._turn = threading.Lock()  # transitions and the ticker run on different threads
         self._pace = ChangePace()
         self._name = node.get_fully_qualified_name()
         self._findings = BusDiagnostics(self._name, '')
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', QoSProfile(depth=10))
         self._status = node.create_publisher(SkinStatus, '~/status', STATUS_QOS)
-        start_health_timer(node, self.update, STATE_LOOK_PERIOD)
+        self._ticker = Ticker(node, STATE_LOOK_PERIOD, self.update)
+
+    def end(self) -> None:
+        """Publish the last state, and stop publishing. A node whose context is shut down cannot publish any more."""
+        self._ticker.stop()
+        if self._node.context.ok():
+            self.update(is_last=True)
 
     def begin(self, hardware_id: str, frame_period: float) -> None:
         """Restart all counts from zero for a newly configured source.

@@ -9,7 +9,7 @@ from rclpy.parameter import Parameter
 
 from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.node_graph import NodeDescription, Role
-from tactile_node.nodes.hand_over import HandOver
+from tactile_node.nodes.stage import STOP_TIMEOUT, Stages
 
 if TYPE_CHECKING:
     from tactile_node.nodes.classifier_node import ClassifierNode
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class System:
-    """Nodes of one process, which hand over their results by direct calls.
+    """Nodes of one process, which pass their results to each other by direct calls on one chain thread.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class System:
 
     def __init__(self, descriptions: Sequence[NodeDescription]):
         self._driver: DriverNode | None = None
-        self._hand_over = HandOver()
+        self._stages = Stages()
         self._classifiers: list[ClassifierNode] = []
         self.nodes = tuple(self._make(each.role, _options(each)) for each in descriptions)
 
@@ -67,22 +67,23 @@ class System:
         for node in self.nodes:
             if node is not self._driver:
                 node.destroy_node()
+        self._stages.chain.stop(STOP_TIMEOUT)
 
     def _make(self, role: Role, options: dict[str, Any]) -> Node:
         """Create a node, and import its module only now, so that a process loads only the modules of its own nodes."""
         if role is Role.DRIVER:
             from tactile_node.nodes.driver_node import DriverNode
-            self._driver = DriverNode(self._hand_over, **options)
+            self._driver = DriverNode(self._stages, **options)
             return self._driver
         if role is Role.CLASSIFIER:
             from tactile_node.nodes.classifier_node import ClassifierNode
-            self._classifiers.append(ClassifierNode(self._hand_over, **options))
+            self._classifiers.append(ClassifierNode(self._stages, **options))
             return self._classifiers[-1]
         if role is Role.PROCESSOR:
             from tactile_node.nodes.processor_node import ProcessorNode
-            return ProcessorNode(self._hand_over, **options)
+            return ProcessorNode(self._stages, **options)
         from tactile_node.nodes.grasp_node import GraspNode
-        return GraspNode(self._hand_over, **options)
+        return GraspNode(self._stages, **options)
 
 
 def _options(description: NodeDescription) -> dict[str, Any]:

@@ -20,8 +20,9 @@ from tactile_node.colour_map import ColourScale
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.guarded_subscription import FrameKey, GuardedSubscription, frame_key
-from tactile_node.nodes.spinning import Spinner
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.message_guard import FrameKey, frame_key
+from tactile_node.nodes.spinner import Spinner
 from tactile_node.ros.contact_messages import PadContact, contact_message, taxel_array_message, taxel_values
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge, age_seconds

@@ -31,7 +31,7 @@ class OverloadWatch:
     Parameters
     ----------
     put
-        Queues a call on the assembler's thread, behind the messages received so far.
+        Posts a call to the chain, behind the messages received so far.
     limit
         Delay above which the process counts as overloaded [s]. The overload ends after 2 ``limit`` without any sign of
         overload.
@@ -76,7 +76,7 @@ class OverloadWatch:
         if dropped != self._dropped:
             self._dropped = dropped
             self._see(Overload.DROPPED, now)
-        put_at = self._put_at  # a copy, because the assembler's thread may change the attribute
+        put_at = self._put_at  # a copy, because the chain may change the attribute
         if put_at is None:
             self._put_at = now
             self._put(self._reached)
@@ -161,7 +161,7 @@ class BusWatch:
     monitor
         Monitor that counts all messages received on the bus.
     put
-        Queues a call on the assembler's thread.
+        Posts a call to the chain.
     data_timeout
         Maximum time for which a node may go without sending data [s].
     """

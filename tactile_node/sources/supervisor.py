@@ -20,6 +20,7 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.message_pace import Reminder
 from tactile_node.bus.skin_bus import SkinBus
+from tactile_node.chain import Chain
 from tactile_node.errors import BusError, LogError
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.bus_watch import BusWatch
@@ -55,10 +56,12 @@ class Supervisor:
         True to recover from faults, False to only detect and log faults.
     heartbeat_timeout
         Maximum time without a heartbeat [s]. The timeout also applies to a node that has never sent a heartbeat.
+    chain
+        Running chain on which the bus assembles the frames, or None for a chain of its own.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
-                 recover: bool = True, heartbeat_timeout: float = 0.5):
+                 recover: bool = True, heartbeat_timeout: float = 0.5, chain: Chain | None = None):
         self._settings = settings
         self._on_frame = on_frame
         self._recover = recover
@@ -67,7 +70,7 @@ class Supervisor:
         self._turn = threading.RLock()
         self.monitor = BusMonitor([node_id for pad in pads for node_id in pad.node_ids], self._wake.set)
         self._bus = SkinBus(settings, pads, self._deliver, monitor=self.monitor,
-                            on_failure=self._bus_failed if recover else None)
+                            on_failure=self._bus_failed if recover else None, chain=chain)
         timeouts = self._timeouts(heartbeat_timeout)
         self._by_pad = {pad.name: [SupervisedNode(self._bus, NodeMonitor(node, self.monitor, *timeouts), recover)
                                    for node in pad.nodes] for pad in pads}

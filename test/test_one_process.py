@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 import rclpy
 from hidden_skin import NODE_ID, write_log
-from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image
 
@@ -22,9 +21,9 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import bus_nodes
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
-from tactile_node.nodes.hand_over import StageInput
 from tactile_node.nodes.processor_node import ProcessorNode
-from tactile_node.nodes.spinning import spinning
+from tactile_node.nodes.spinner import spinning
+from tactile_node.nodes.stage import StageInput
 from tactile_node.nodes.system import System
 from tactile_node.pose.pipeline import Taxels
 from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
@@ -32,7 +31,7 @@ from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import MOST_WAITING
 from tactile_node.taxel_frame import SkinSide, TaxelFrame
-from tactile_skin.msg import Contact, ContactShape, ContactShapes, GraspSides, TaxelArray
+from tactile_skin.msg import Contact, ContactShape, ContactShapes, Grasp, GraspSides, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
@@ -64,6 +63,7 @@ class Process:
 
     def __init__(self, stack_nodes=(), **every):
         self.system = System(bus_nodes(['left', 'right'], driver={'autostart': False}, every=every)[:-1])
+        self.chain = self.system._stages.chain
         self.nodes = {node.get_fully_qualified_name(): node for node in self.system.nodes}
         self.peer = rclpy.create_node('peer')
         self.outputs = {}
@@ -85,13 +85,16 @@ class Process:
         return node._taxels if name.endswith('processor') else node._contacts
 
     def send(self, pads=('left', 'right'), **drawn):
-        """Hand over a frame of each pad, as the driver's thread does."""
+        """Pass a frame of each pad to the processors on the chain thread, as the driver does."""
         self.sequence += 1
         for pad in pads:
-            frame = pad_frame(self.sequence, **drawn)
-            taxels = self.input(f'/{pad}/processor')
-            taxels.announce(frame)
-            taxels.put(frame, time.monotonic())
+            self.chain.post(self._feed, self.input(f'/{pad}/processor'), pad_frame(self.sequence, **drawn),
+                            time.monotonic())
+
+    @staticmethod
+    def _feed(taxels, frame, acquired):
+        taxels.announce(frame)
+        taxels.feed(frame, acquired)
 
 
 def pad_frame(sequence, press=True, up=0):
@@ -108,6 +111,13 @@ def heard_by(node, kind, topic):
     heard = []
     node.create_subscription(kind, topic, heard.append, frames_qos(500))
     return heard
+
+
+def blocked(chain):
+    """Block the chain until the returned event is set, so that everything sent until then waits."""
+    go = threading.Event()
+    chain.post(go.wait, TIMEOUT)
+    return go
 
 
 def facts(message):
@@ -182,26 +192,23 @@ def test_an_exception_of_a_stage_is_counted_and_the_other_stages_continue(monkey
         for _ in range(10):
             process.send()
             time.sleep(PERIOD)
-        # A busy machine may skip frames in these stages, or earlier in the processor.
-        until(lambda: good.counts.processed + good.counts.overtaken + good.counts.skipped == 10)
-        until(lambda: failing.counts.dropped.get(RejectReason.PROCESSING_FAILED, 0) + failing.counts.overtaken
-              + failing.counts.skipped == 10)
+        assert process.chain.wait_until_idle(TIMEOUT)
+        # A busy machine may leave out frames in these stages, or earlier in the processors.
+        before = [process.input(f'/{pad}/processor').counts.overtaken for pad in ('left', 'right')]
+        assert failing.counts.dropped[RejectReason.PROCESSING_FAILED] + failing.counts.overtaken + before[0] == 10
+        assert good.counts.processed + good.counts.overtaken + before[1] == 10
         assert good.counts.processed > 0 and not good.counts.dropped and failing.counts.processed == 0
 
 
 def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
-    """Like a subscription, the slot of a blocked stage keeps only the newest frames.
-
-    Dropped frames leave gaps in the sequence.
-    """
-    blocked = 5.0 if os.environ.get('TACTILE_LONG') else 1.0
-    with Process(queue_depth=10) as process:
+    """The processor keeps only the two newest frames, and the classifier only the newest contact."""
+    with Process() as process:
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
-        accept, begun = stage._accept, threading.Event()
+        accept, begun, go = stage._accept, threading.Event(), threading.Event()
 
         def block(contact):
             begun.set()
-            time.sleep(blocked)
+            assert go.wait(TIMEOUT)
             accept(contact)
         monkeypatch.setattr(stage, '_accept', block)
         process.send()
@@ -209,10 +216,10 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
         monkeypatch.setattr(stage, '_accept', accept)
         for _ in range(40):
             process.send()
-            time.sleep(0.5 * blocked / 40)
-        until(lambda: taxels.counts.processed + taxels.counts.skipped == 41)
-        until(lambda: stage.counts.processed + stage.counts.overtaken + stage.counts.skipped == 41)
-        assert taxels.counts.skipped == stage.counts.skipped == 40 - MOST_WAITING and stage.counts.overtaken > 0
+        go.set()
+        assert process.chain.wait_until_idle(TIMEOUT)
+        assert taxels.counts == (41, 3, {}, 0, 38)
+        assert stage.counts == (3, 2, {}, 0, 1), 'a frame that was left out on purpose is not missing'
 
 
 def test_a_stage_takes_the_newest_waiting_message_and_counts_the_others():
@@ -220,20 +227,14 @@ def test_a_stage_takes_the_newest_waiting_message_and_counts_the_others():
     node, peer = ProcessorNode(namespace='/left'), rclpy.create_node('peer')
     publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
     until(lambda: publisher.get_subscription_count() > 0)
-
-    def send(numbers):
-        for number in numbers:
-            message = taxel_array_message(pad_frame(number))
-            message.age.nanosec = 1_000_000
-            publisher.publish(message)
     with spinning([node]):
-        send([1])
-        until(lambda: node._taxels.counts.processed == 1)
-    send(range(2, 12))
-    publisher.wait_for_all_acked(Duration(seconds=TIMEOUT))
-    with spinning([node]):
-        until(lambda: node._taxels.counts.processed + node._taxels.counts.skipped == 11)
-        assert node._taxels.counts.skipped == 8, 'the stage may keep 40 ms of frames at 50 Hz'
+        go = blocked(node._stages.chain)
+        for number in range(1, 11):
+            publisher.publish(taxel_array_message(pad_frame(number)))
+        until(lambda: len(node._taxels._arrived) == 10)
+        go.set()
+        assert node._stages.chain.wait_until_idle(TIMEOUT)
+    assert node._taxels.counts == (10, MOST_WAITING, {}, 0, 10 - MOST_WAITING)
     for each in (node, peer):
         each.destroy_node()
 
@@ -243,35 +244,42 @@ def test_the_older_contact_of_two_waiting_pads_is_processed_first():
 
     No grasp would then have both pads of one SYNC.
     """
-    process, answered = Process(), []
-    try:
+    answered = []
+    with Process() as process:
         for pad in ('left', 'right'):
             process.input(f'/{pad}/classifier')._accept = lambda each, pad=pad: answered.append((pad, each.sequence))
+        go = blocked(process.chain)
         for pad, sequence in (('left', 2), ('right', 1)):
-            process.input(f'/{pad}/processor').put(pad_frame(sequence), acquired=PERIOD * sequence)
-        for _ in range(2):
-            process.system._hand_over._take_turn()
-    finally:
-        process.system.destroy()
-        process.peer.destroy_node()
+            process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(sequence), PERIOD * sequence)
+        go.set()
+        assert process.chain.wait_until_idle(TIMEOUT)
     assert answered == [('right', 1), ('left', 2)]
 
 
 def test_messages_for_viewers_follow_the_shapes_of_both_pads():
     """Computing images and features takes as long as computing a shape, and a planner waits for the shape."""
-    process, made = Process(), []
-    try:
+    made = []
+    with Process() as process:
+        go = blocked(process.chain)
         for pad in ('left', 'right'):
             process.input(f'/{pad}/classifier')._accept = lambda each, pad=pad: made.append(f'shape of {pad}')
             process.nodes[f'/{pad}/processor']._views = SimpleNamespace(
                 is_wanted=True, publish=lambda contact, pad=pad: made.append(f'images of {pad}'))
-            process.input(f'/{pad}/processor').put(pad_frame(1), acquired=PERIOD)
-        for _ in range(3):
-            process.system._hand_over._take_turn()
-    finally:
-        process.system.destroy()
-        process.peer.destroy_node()
+            process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(1), PERIOD)
+        go.set()
+        assert process.chain.wait_until_idle(TIMEOUT)
     assert made == ['shape of left', 'shape of right', 'images of left', 'images of right']
+
+
+def test_a_chain_that_hangs_does_not_keep_the_grasp_fresh():
+    """The silence is noticed on another thread, so a planner is told even if no stage runs any more."""
+    with Process() as process:
+        grasps = heard_by(process.peer, Grasp, '/grasp')
+        until(lambda: (process.send(), time.sleep(PERIOD), grasps and grasps[-1].fresh)[-1])
+        go = blocked(process.chain)
+        until(lambda: not grasps[-1].fresh)
+        assert grasps[-1].contact == Grasp.UNSEEN
+        go.set()
 
 
 def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
@@ -340,11 +348,11 @@ def test_a_bag_that_records_everything_changes_no_count():
         until(lambda: (process.send(), time.sleep(0.1), all(heard.values()))[-1])
         for pad in ('left', 'right'):
             taxels, contacts = (process.input(f'/{pad}/{role}') for role in ('processor', 'classifier'))
-            until(lambda one=contacts: one.counts.processed + one.counts.overtaken + one.counts.skipped
-                  == process.sequence)
+            assert process.chain.wait_until_idle(TIMEOUT)
             assert taxels.counts.received == taxels.counts.processed + taxels.counts.overtaken == process.sequence
             assert contacts.counts.received == contacts.counts.processed + contacts.counts.overtaken
-            assert contacts.counts.skipped == taxels.counts.overtaken and contacts._subscription is None
+            assert contacts.counts.received == taxels.counts.processed
+            assert not contacts.counts.skipped and contacts._subscription is None
 
 
 def replaying(path, **more):
@@ -352,7 +360,7 @@ def replaying(path, **more):
     return System(bus_nodes(['pad'], driver=parameters, every={'lossless': True}, classifier={'fit': False}))
 
 
-def test_a_replay_as_fast_as_possible_answers_every_frame(tmp_path):
+def test_a_replay_as_fast_as_possible_processes_every_frame(tmp_path):
     write_log(tmp_path / 'long.log', [PRESS * (number // 50 % 2) for number in range(REPLAYED)])
     system, listener, shapes = replaying(tmp_path / 'long.log'), rclpy.create_node('listener'), []
     listener.create_subscription(ContactShape, '/pad/shape', lambda message: shapes.append(message.sequence),
@@ -360,7 +368,7 @@ def test_a_replay_as_fast_as_possible_answers_every_frame(tmp_path):
     with spinning((*system.nodes, listener)):
         system.autostart(threading.Event())
         assert system.source.finished.wait(max(TIMEOUT, REPLAYED / 20))
-        assert system.recognised == REPLAYED, 'at the end of the log, every frame must have been answered'
+        assert system.recognised == REPLAYED, 'at the end of the log, every frame must have been processed'
         until(lambda: len(shapes) == REPLAYED)
         system.driver.trigger_deactivate()
     system.destroy()
@@ -406,7 +414,7 @@ def test_a_stage_that_is_destroyed_ends_no_other_and_another_takes_its_place():
         other.destroy_node()
 
 
-def test_a_driver_that_is_configured_again_hands_over_again(tmp_path):
+def test_a_driver_that_is_configured_again_plays_again(tmp_path):
     write_log(tmp_path / 'short.log', [PRESS] * 20)
     system = replaying(tmp_path / 'short.log')
     with spinning(system.nodes):

@@ -1,0 +1,156 @@
+"""The chain thread of a process, which takes each CAN frame or message through all its processing stages.
+
+All state of the stages belongs to this thread. Other threads, for example those that receive CAN frames or call
+services, post calls to the chain. The chain runs the calls in order, each between two taxel frames.
+"""
+
+import heapq
+import itertools
+import threading
+from collections.abc import Callable
+from enum import IntEnum
+from queue import SimpleQueue
+
+from tactile_node.threads import ReportedThread, call_guarded
+
+Call = tuple[Callable[..., object], tuple[object, ...]]
+
+
+class Step(IntEnum):
+    """Steps that the chain postpones, the most urgent first."""
+
+    FIND = 0       #: find the contacts in a taxel frame
+    RECOGNISE = 1  #: recognise the shape of a contact
+    SHOW = 2       #: publish what only viewers need
+
+
+class Chain:
+    """A thread that runs posted calls in order, and postponed steps while no posted call is waiting.
+
+    The chain works in turns. In each turn, it runs the posted calls that are waiting, then every FIND, and then the
+    RECOGNISE or SHOW with the oldest taxels. A slow machine therefore assembles every frame, and a flood of frames
+    cannot stop the recognition.
+
+    A call that raises an exception is logged with its traceback. The chain then continues with the next call.
+
+    Parameters
+    ----------
+    name : str
+        Name of the thread.
+
+    Examples
+    --------
+    >>> chain, order = Chain(), []
+    >>> def find():
+    ...     chain.postpone(Step.RECOGNISE, 0.0, order.append, 'recognised')
+    ...     order.append('found')
+    >>> chain.start()
+    >>> chain.post(lambda: chain.postpone(Step.FIND, 0.0, find))
+    >>> chain.wait_until_idle(timeout=60.0)
+    True
+    >>> order
+    ['found', 'recognised']
+    >>> chain.stop(timeout=60.0)
+    """
+
+    def __init__(self, name: str = 'chain'):
+        self._name = name
+        self._calls: SimpleQueue[Call | None] = SimpleQueue()
+        # heaps of the time when the taxels were acquired, the step, a number and the call; only the chain thread uses
+        # them
+        self._urgent: list[tuple[float, Step, int, Call]] = []
+        self._postponed: list[tuple[float, Step, int, Call]] = []
+        self._number = itertools.count()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def is_current(self) -> bool:
+        """True if the caller runs on the chain thread."""
+        return self._thread is threading.current_thread()
+
+    def start(self) -> None:
+        """Start the thread with an empty queue. If the previous thread is blocked in a call, it ends after the call."""
+        self._calls = SimpleQueue()
+        self._urgent, self._postponed = [], []
+        self._thread = ReportedThread(self._run, self._name, self._calls)
+        self._thread.start()
+
+    def stop(self, timeout: float) -> None:
+        """End the thread after all calls posted so far, and wait up to ``timeout`` [s] for it to end."""
+        self._calls.put(None)
+        if self._thread is not None and not self.is_current:
+            self._thread.join(timeout)
+
+    def post(self, call: Callable[..., object], *args: object) -> None:
+        """Run a call after all calls posted so far. Any thread may post, and the method returns immediately.
+
+        Parameters
+        ----------
+        call : callable
+            Function to call.
+        *args
+            Its arguments.
+        """
+        self._calls.put((call, args))
+
+    def postpone(self, step: Step, acquired: float, call: Callable[..., object], *args: object) -> None:
+        """Run a call in a later step of the turn. Only the chain thread may postpone.
+
+        The calls for the oldest taxels run first, so that the shapes of all pads for one SYNC come before the shapes
+        for the next SYNC.
+
+        Parameters
+        ----------
+        step : Step
+            Step to which the call belongs.
+        acquired : float
+            Time when the taxels were acquired [s].
+        call : callable
+            Function to call.
+        *args
+            Its arguments.
+        """
+        heap = self._urgent if step is Step.FIND else self._postponed
+        heapq.heappush(heap, (acquired, step, next(self._number), (call, args)))
+
+    def wait_until_idle(self, timeout: float, *, with_postponed: bool = True) -> bool:
+        """Wait until all calls posted so far, and everything that they postpone, have run.
+
+        On the chain thread, or while the chain does not run, the method returns immediately.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest wait [s].
+        with_postponed : bool
+            False to wait only for the posted calls and every FIND.
+
+        Returns
+        -------
+        bool
+            False if the time has passed before the chain was idle.
+        """
+        if self._thread is None or self.is_current or not self._thread.is_alive():
+            return True
+        is_idle = threading.Event()
+        if with_postponed:
+            self.post(self.postpone, Step.SHOW, float('inf'), is_idle.set)
+        else:
+            self.post(self.postpone, Step.FIND, float('inf'), is_idle.set)
+        return is_idle.wait(timeout)
+
+    def _run(self, calls: 'SimpleQueue[Call | None]') -> None:
+        while calls is self._calls:
+            # If nothing is postponed, block until the next call. Otherwise take only the calls that are waiting now.
+            for _ in range(calls.qsize() if self._postponed else max(calls.qsize(), 1)):
+                posted = calls.get()
+                if posted is None or calls is not self._calls:
+                    return
+                call, args = posted
+                call_guarded(call, *args)
+            while self._urgent:
+                call, args = heapq.heappop(self._urgent)[-1]
+                call_guarded(call, *args)
+            if self._postponed:
+                call, args = heapq.heappop(self._postponed)[-1]
+                call_guarded(call, *args)

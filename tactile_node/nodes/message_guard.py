@@ -1,0 +1,276 @@
+"""Decide which messages of one topic a node may use, and count all of them."""
+
+import logging
+import math
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, Protocol, TypeAlias, TypeGuard
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from tactile_node.bus.message_pace import Reminder
+from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
+from tactile_node.ros.message_checks import Check, Message, RejectReason
+from tactile_node.ros.message_health import MessageCounts, StreamHealth
+from tactile_node.ros.qos import is_lossless
+from tactile_node.ros.rosout_handler import of_node
+from tactile_node.ros.source_guard import SourceGuard, StampGuard
+from tactile_node.ros.time_messages import seconds
+
+logger = logging.getLogger(__name__)
+
+# A gap in the sequence counts as skipped frames up to the larger of two limits. A larger gap means that the sender has
+# restarted its count.
+MOST_SKIPPED = 10_000  #: First limit on the gap [frames].
+#: Second limit on the gap, as a rate over the time between the stamps [frames/s]. A rate allows for a link that is down
+#: for hours.
+FASTEST = 1000.0
+
+
+FrameKey: TypeAlias = tuple[int, int, int]  #: Sequence number and stamp (s, ns) of a frame.
+
+
+class ChainMessage(AgedMessage, Protocol):
+    """A message of the processing chain, which describes one taxel frame."""
+
+    sequence: int
+
+
+class MessageGuard(Generic[Message]):
+    """Checks and counts the messages of one topic, and calls the function that processes them.
+
+    Messages that cannot be used are dropped, counted by reason and logged. If the processing function raises an
+    exception, the guard logs the traceback and counts the message as PROCESSING_FAILED.
+
+    Messages of the processing chain have a stamp, an age and a sequence number. The guard counts gaps in the sequence.
+    Except in a lossless replay, the guard drops a message whose stamp is too far ahead of the earlier stamps. A topic
+    of the chain must have a single source. While two sources send, or while a publisher uses another version of the
+    message type, all messages on the topic are dropped.
+
+    The results that a stage of the same process passes on by a function call pass the same guard, but their content
+    needs no check.
+
+    Parameters
+    ----------
+    node : Node
+        Node that reads the topic.
+    kind : type
+        Type of the messages.
+    topic : str
+        Full name of the topic.
+    qos : QoSProfile
+        QoS of the subscription.
+    check : callable
+        Function that returns the reason why a message cannot be used, or None.
+    steady : callable
+        Steady clock that gives the arrival times [s].
+
+    Attributes
+    ----------
+    publishers : int
+        Number of publishers of the topic at the last call of `count_publishers`.
+    left_out : int
+        Number of frames directly before the current message that this node or an earlier node skipped on purpose.
+    """
+
+    def __init__(self, node: Node, kind: type[Message], topic: str, qos: QoSProfile, check: Check[Message],
+                 steady: Callable[[], float] = time.monotonic):
+        self._node, self._topic, self._check, self._steady = node, topic, check, steady
+        self._received = 0
+        self._processed = 0
+        self._dropped: Counter[RejectReason] = Counter()
+        self._reminders: defaultdict[RejectReason, Reminder] = defaultdict(Reminder)
+        self._kind_is_of_chain = all(hasattr(kind, field) for field in ('header', 'age', 'sequence'))
+        self._stamps = None if is_lossless(qos) else StampGuard()
+        self._sources = None if is_lossless(qos) else SourceGuard()
+        self._age = InputAge(lossless=is_lossless(qos), steady=steady)
+        self._arrival: Arrival | None = None  # arrival of the last message that was used
+        self._sequence: int | None = None  # sequence number of the last message that was used
+        self._stamp = 0.0  # stamp of the last message that was used, on the sender's clock [s]
+        self._typed_publishers = 0  # number of publishers when their message types were last read
+        self._other_types: tuple[str, ...] = ()
+        self._skipped = 0
+        self._overtaken = 0
+        self.publishers = 0
+        self.left_out = 0
+
+    @property
+    def counts(self) -> MessageCounts:
+        """Message counts since construction."""
+        return MessageCounts(self._received, self._processed, dict(self._dropped), self._skipped, self._overtaken)
+
+    @property
+    def arrival(self) -> Arrival:
+        """Arrival of the last usable message. Raises RuntimeError before the first message arrives."""
+        if self._arrival is None:
+            raise RuntimeError(f'{self._topic}: no message of the chain has arrived')
+        return self._arrival
+
+    @property
+    def health(self) -> StreamHealth:
+        """Message counts, age and stamp of the newest data, and the publishers of the topic."""
+        age = math.inf if self._arrival is None else self._arrival.age(self._steady())
+        if not self._kind_is_of_chain:
+            return StreamHealth(self.counts, age)
+        stamps_offset = self._stamp + age - time.time() if age < math.inf else math.nan
+        return StreamHealth(self.counts, age, tuple(publisher_names(self._node, self._topic)),
+                            publishers_of_other_type(self._node, self._topic), stamps_offset)
+
+    def count_publishers(self) -> None:
+        """Read the number of publishers from the ROS graph.
+
+        ``Node.count_publishers`` would take twice as long, because it expands and checks the name. The name of the
+        topic is already a full name.
+        """
+        if self._kind_is_of_chain:
+            with self._node.handle:
+                self.publishers = self._node.handle.get_count_publishers(self._topic)
+
+    def is_usable(self, message: Any, acquired: float | None = None) -> bool:
+        """Check a message and record it. Returns True if the message can be used, otherwise counts it as dropped.
+
+        Parameters
+        ----------
+        message : message or result
+            Message from the topic, or result of a stage in this process.
+        acquired : float or None
+            For a result of this process, the time when its taxels were acquired, on the steady clock [s].
+        """
+        self._received += 1
+        try:
+            reason = (self._check_type(message) or (self._check(message) if acquired is None else None)
+                      or self._check_stamp(message) or self._check_source(message))
+            if reason is None:
+                self._note(message, acquired)
+                return True
+            self._drop(reason)
+        except Exception as error:
+            self.failed(error)
+        return False
+
+    def process(self, usable: Sequence[Any], call: Callable[[Any], None]) -> None:
+        """Call ``call`` with the last usable message, and count the earlier ones as overtaken."""
+        if not usable:
+            return
+        self._overtaken += len(usable) - 1
+        self.left_out = len(usable) - 1 + sum(map(_left_out_before, usable))
+        if self.attempt(lambda: call(usable[-1])):
+            self._processed += 1
+
+    def attempt(self, call: Callable[[], object]) -> bool:
+        """Call a function. If the function raises an exception, count PROCESSING_FAILED and return False."""
+        try:
+            call()
+        except Exception as error:
+            self.failed(error)
+            return False
+        return True
+
+    def failed(self, error: Exception) -> None:
+        """Log an exception of a processing function, and count it, because it must not end the calling thread."""
+        if not self._node.context.ok():  # the process is ending, and can no longer publish anything
+            raise error
+        self._drop(RejectReason.PROCESSING_FAILED, error)
+
+    def _is_of_chain(self, message: object) -> TypeGuard[ChainMessage]:
+        return self._kind_is_of_chain
+
+    def _check_type(self, message: Message) -> RejectReason | None:
+        """Return OTHER_TYPE if a publisher uses another version of the message type.
+
+        The types are read again only if the publishers may have changed: if their number differs, or if the sequence
+        has a gap.
+        """
+        if not self._is_of_chain(message):
+            return None
+        is_next = self._sequence is not None and message.sequence == self._sequence + 1
+        if self.publishers != self._typed_publishers or not is_next:
+            self._typed_publishers = self.publishers
+            self._other_types = publishers_of_other_type(self._node, self._topic)
+        return RejectReason.OTHER_TYPE if self._other_types else None
+
+    def _check_stamp(self, message: Message) -> RejectReason | None:
+        if self._stamps is None or not self._is_of_chain(message):
+            return None
+        is_accepted = self._stamps.accepts(self._steady(), seconds(message.header.stamp))
+        return None if is_accepted else RejectReason.STAMP_AHEAD
+
+    def _check_source(self, message: Message) -> RejectReason | None:
+        if self._sources is None or not self._is_of_chain(message):
+            return None
+        is_accepted = self._sources.accepts(self._steady(), message.sequence, seconds(message.header.stamp),
+                                            _left_out_before(message))
+        return None if is_accepted else RejectReason.OTHER_SOURCE
+
+    def _note(self, message: Message, acquired: float | None) -> None:
+        """Record the age and the sequence number of a message that is used."""
+        if not self._is_of_chain(message):
+            return
+        now = self._steady()
+        self._arrival = self._age.arrived(message) if acquired is None else Arrival(now, now - acquired)
+        stamp = seconds(message.header.stamp)
+        if self._sequence is not None:
+            gap = message.sequence - self._sequence - 1
+            most = max(MOST_SKIPPED, FASTEST * (stamp - self._stamp))
+            self._skipped += max(gap - _left_out_before(message), 0) if 0 < gap <= most else 0
+        self._sequence, self._stamp = message.sequence, stamp
+
+    def _drop(self, reason: RejectReason, error: Exception | None = None) -> None:
+        self._dropped[reason] += 1
+        if self._reminders[reason].is_due(reason.key, self._steady()):
+            logger.warning('message on %s dropped: %s (%d so far)', self._topic, reason.key, self._dropped[reason],
+                           exc_info=error, extra=of_node(self._node))
+
+
+def frame_key(message: Any) -> FrameKey:
+    """Return the sequence number and the stamp of a message, which together identify its frame."""
+    return message.sequence, message.header.stamp.sec, message.header.stamp.nanosec
+
+
+def _left_out_before(message: object) -> int:
+    """Return the number of frames before ``message`` that its sender skipped on purpose.
+
+    Returns 0 for a message type without this number.
+    """
+    return int(getattr(message, 'left_out', 0))
+
+
+def publisher_names(node: Node, topic: str) -> list[str]:
+    """Return the sorted full names of the nodes that ``node`` sees publishing ``topic``, one entry per publisher."""
+    return sorted(map(_full_name, node.get_publishers_info_by_topic(topic)))
+
+
+def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
+    """Return the full names of the nodes that publish ``topic`` with a different version of the message type.
+
+    The middleware matches a publisher and a subscription only by the name of the message type. If the fields differ,
+    the subscriber decodes wrong values. The function therefore compares the hashes of the type descriptions (REP 2011).
+
+    Parameters
+    ----------
+    node : Node
+        Node that subscribes to the topic.
+    topic : str
+        Full name of the topic.
+
+    Returns
+    -------
+    tuple of str
+        Sorted full names. Publishers whose type hash is not known are omitted.
+    """
+    own = [info.topic_type_hash for info in node.get_subscriptions_info_by_topic(topic)
+           if _full_name(info) == node.get_fully_qualified_name()]
+    return tuple(sorted({_full_name(info) for info in node.get_publishers_info_by_topic(topic)
+                         if own and _is_known(info) and info.topic_type_hash != own[0]}))
+
+
+# The type of `info` is rclpy's TopicEndpointInfo, which Lyrical keeps in a different module than Jazzy and Kilted.
+def _full_name(info: Any) -> str:
+    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+
+
+def _is_known(info: Any) -> bool:
+    """Return True if the publisher sends the hash of its message type, which older ROS 2 releases do not."""
+    return any(info.topic_type_hash.value)

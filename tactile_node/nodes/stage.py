@@ -1,0 +1,347 @@
+"""Stages of the processing chain: nodes that call each other in one process, and send messages between processes.
+
+The driver, the processors, the classifiers and the grasp node are stages. A `StageOutput` publishes each result. If the
+next stage runs in the same process, the output also calls the `StageInput` of that stage, on the chain thread.
+Otherwise the next stage subscribes to the topic, and its input posts each message to the chain of its own process.
+"""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Generic, Protocol, TypeVar
+
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from std_msgs.msg import Header
+
+from tactile_node.chain import Chain, Step
+from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
+from tactile_node.nodes.ticker import Ticker
+from tactile_node.ros.message_age import Arrival, age_message
+from tactile_node.ros.message_checks import Check, Message
+from tactile_node.ros.message_health import MessageCounts, StreamHealth
+from tactile_node.ros.qos import is_wanted
+from tactile_node.ros.settings import NodeSettings, ReceiverSettings
+
+#: Time between two checks for other publishers [s], which is about as long as ROS discovery takes.
+LISTENING_PERIOD = 0.1
+STOP_TIMEOUT = 2.0  #: Longest time that the end of a node waits for a running call of the chain [s].
+
+
+class StageResult(Protocol):
+    """A result that a stage passes on. Like a message of the chain, the result belongs to one taxel frame."""
+
+    @property
+    def header(self) -> Header: ...
+
+    @property
+    def sequence(self) -> int: ...
+
+
+Result = TypeVar('Result', bound=StageResult)
+
+
+class Stages:
+    """The stages of one process, by topic, and the chain on which they run.
+
+    Attributes
+    ----------
+    chain : Chain
+        Running chain of the process.
+    """
+
+    def __init__(self) -> None:
+        self.chain = Chain()
+        self.chain.start()
+        self._inputs: dict[str, StageInput] = {}
+
+    def add(self, stage: 'StageInput') -> None:
+        """Pass every result for the topic of ``stage`` to that stage."""
+        # a new dict, because another thread may be reading the old one
+        self._inputs = self._inputs | {stage.topic: stage}
+
+    def remove(self, stage: 'StageInput') -> None:
+        """Pass no more results to ``stage``, and wait until a running call of the chain has ended."""
+        self._inputs = {topic: each for topic, each in self._inputs.items() if each is not stage}
+        self.chain.wait_until_idle(STOP_TIMEOUT)
+
+    def input_of(self, topic: str) -> 'StageInput | None':
+        """Return the input that reads ``topic`` in this process, or None."""
+        return self._inputs.get(topic)
+
+    def is_complete(self, topic: str) -> bool:
+        """Return True if all stages from ``topic`` up to the classifier run in this process."""
+        stage = self._inputs.get(topic)
+        return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
+
+
+class StageInput(Generic[Message, Result]):
+    """Input of a stage, which receives results from a stage of the same process or messages from a topic.
+
+    The input subscribes to the topic unless a stage of this process is its only publisher. If another node also
+    publishes the topic, the input drops all results from the moment that node starts to send. If a message of this
+    process comes back over the topic, the input recognises it by its sequence number and stamp, and ignores it.
+
+    Parameters
+    ----------
+    node : Node
+        Node of the stage.
+    kind : type
+        Type of the messages.
+    topic : str
+        Name of the topic.
+    accept : callable
+        Function that is called with each result, on the chain thread.
+    settings : ReceiverSettings
+        Settings of the node.
+    check : callable
+        Function that returns the reason why a message cannot be used, or None.
+    parse : callable
+        Function that creates a result from a message.
+    stages : Stages
+        Stages of this process.
+    step : Step or None
+        Step of the chain in which ``accept`` is called, or None to call it at once.
+    most_waiting : int
+        Number of results that may wait for ``step``. A newer result takes the place of the oldest one, which then
+        counts as overtaken. In a lossless replay, ``accept`` gets all results.
+    steady : callable
+        Steady clock [s].
+
+    Attributes
+    ----------
+    topic : str
+        Full name of the topic.
+    sends_on : str or None
+        Topic of this stage's results, or None for the last stage of a pad.
+    """
+
+    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
+                 settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
+                 stages: Stages, step: Step | None = None, most_waiting: int = 1,
+                 steady: Callable[[], float] = time.monotonic):
+        self._node, self._accept, self._parse, self._stages = node, accept, parse, stages
+        self._step = step
+        self._most_waiting = math.inf if settings.lossless else most_waiting
+        qos = settings.input_qos
+        self._steady = steady
+        self.topic: str = node.resolve_topic_name(topic)
+        self._guard = MessageGuard(node, kind, self.topic, qos, check, steady)
+        # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
+        self._arrived: deque[Message] = deque(maxlen=qos.depth)
+        # usable results that wait for ``step``, each after the results that it has overtaken
+        self._waiting: deque[list[Result]] = deque()
+        # messages of this process that may come back over the topic
+        self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)
+        self._is_fed = False
+        self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
+        self.sends_on: str | None = None
+        self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
+        self._subscription: Subscription | None = self._subscribe()
+        stages.add(self)
+
+    @property
+    def counts(self) -> MessageCounts:
+        """Counts of messages and results since construction."""
+        return self._guard.counts
+
+    @property
+    def arrival(self) -> Arrival:
+        """Arrival of the last usable result. Raises RuntimeError before the first result arrives."""
+        return self._guard.arrival
+
+    @property
+    def left_out(self) -> int:
+        """Number of frames directly before the current result that this stage or an earlier one skipped on purpose."""
+        return self._guard.left_out
+
+    @property
+    def health(self) -> StreamHealth:
+        """Counts, age and stamp of the newest data, and the publishers of the topic."""
+        self._guard.count_publishers()
+        self._listen()
+        return self._guard.health
+
+    def announce(self, result: Result) -> None:
+        """Record that ``result`` will be published and fed, so that its message is ignored if it comes back."""
+        self._is_fed = True
+        self._own.append(frame_key(result))
+
+    def feed(self, result: Result, acquired: float) -> None:
+        """Receive a result from a stage of this process, on the chain thread.
+
+        Parameters
+        ----------
+        result : Result
+            Result of the previous stage.
+        acquired : float
+            Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
+        """
+        self._guard.attempt(self._look_for_others)
+        if self._guard.is_usable(result, acquired):
+            self._receive(result)
+
+    def end_feeding(self) -> None:
+        """Record that the previous stage is gone, so that every publisher of the topic counts as another source."""
+        self._is_fed = False
+        self._own.clear()
+
+    def postpone(self, publish: Callable[[], None]) -> None:
+        """Publish what only viewers need, when this no longer delays a shape."""
+        self._stages.chain.postpone(Step.SHOW, self.arrival.acquired, self._guard.attempt, publish)
+
+    def end(self) -> None:
+        """Accept no further results, because the node is ending."""
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+        self._arrived.clear()
+        self._stages.remove(self)
+
+    def _receive(self, result: Result) -> None:
+        if self._step is None:
+            self._guard.process([result], self._accept)
+            return
+        self._waiting.append([result])
+        if len(self._waiting) > self._most_waiting:
+            overtaken = self._waiting.popleft()
+            self._waiting[0][:0] = overtaken
+        else:
+            self._stages.chain.postpone(self._step, self.arrival.acquired, self._process)
+
+    def _process(self) -> None:
+        if self._waiting:
+            self._guard.process(self._waiting.popleft(), self._accept)
+
+    def _on_message(self, message: Message) -> None:
+        self._arrived.append(message)
+        self._stages.chain.post(self._take_message)
+
+    def _take_message(self) -> None:
+        if not self._arrived:  # the queue was full, or the node is ending
+            return
+        message = self._arrived.popleft()
+        self._guard.count_publishers()
+        if frame_key(message) not in self._own and self._guard.is_usable(message):
+            self._guard.attempt(lambda: self._receive(self._parse(message)))
+
+    def _look_for_others(self) -> None:
+        """Let the executor subscribe to the topic if another node publishes it, and end the subscription otherwise."""
+        now = self._steady()
+        if now - self._listened < LISTENING_PERIOD:
+            return
+        self._listened = now
+        self._guard.count_publishers()
+        executor = self._node.executor
+        if executor is not None and self._has_others != (self._subscription is not None):
+            executor.create_task(self._listen)
+
+    @property
+    def _has_others(self) -> bool:
+        """True if another node publishes the topic, or if no stage of this process does."""
+        return not self._is_fed or self._guard.publishers > 1
+
+    def _listen(self) -> None:
+        if self._has_others and self._subscription is None:
+            self._subscription = self._subscribe()
+        elif not self._has_others and self._subscription is not None:
+            subscription, self._subscription = self._subscription, None
+            self._node.destroy_subscription(subscription)
+
+
+class StageOutput(Generic[Result]):
+    """Output of a stage, which publishes results on a topic and passes them to the next stage of this process.
+
+    The output creates a message only while the topic has a subscriber. In a lossless replay, it always creates one.
+
+    Parameters
+    ----------
+    node : Node
+        Node of the stage.
+    kind : type
+        Type of the messages.
+    topic : str
+        Name of the topic.
+    settings : NodeSettings
+        Settings of the node.
+    make : callable
+        Function that creates a message from a result.
+    stages : Stages
+        Stages of this process.
+    """
+
+    def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
+                 stages: Stages):
+        self._node, self._make, self._stages = node, make, stages
+        self._is_lossless = settings.lossless
+        self._publisher: Any = node.create_publisher(kind, topic, settings.qos)
+        self.topic: str = self._publisher.topic_name  #: full name of the topic
+
+    def send(self, result: Result, acquired: float) -> None:
+        """Publish a result and pass it on, on the chain thread.
+
+        Parameters
+        ----------
+        result : Result
+            Result of this stage.
+        acquired : float
+            Time when the taxels were acquired, on the steady clock [s].
+        """
+        reader = self._stages.input_of(self.topic)
+        if reader is not None:
+            reader.announce(result)
+        try:
+            if is_wanted(self._publisher, self._is_lossless):
+                message = self._make(result)
+                message.age = age_message(time.monotonic() - acquired)
+                self._publisher.publish(message)
+        finally:  # the next stage must get the result even if publishing the message fails
+            if reader is not None:
+                reader.feed(result, acquired)
+
+    def end(self) -> None:
+        """Stop sending, because the node is ending or is no longer configured."""
+        reader = self._stages.input_of(self.topic)
+        if reader is not None:
+            reader.end_feeding()
+        self._node.destroy_publisher(self._publisher)
+
+
+class StageNode(Node):
+    """A node that is a stage of the chain, and ends its inputs and outputs when it is destroyed.
+
+    Parameters
+    ----------
+    name : str
+        Name of the node.
+    stages : Stages or None
+        Stages of this process, or None if the node runs alone in its process.
+    **options
+        Keyword arguments for rclpy's ``Node``.
+    """
+
+    # These attributes have values before rclpy's constructor, because Kilted calls destroy_node even after a failed
+    # constructor.
+    _ends: 'tuple[StageInput | StageOutput, ...]' = ()  # inputs and outputs of the stage
+    _own: Stages | None = None  # set if the node runs alone in its process
+    _tickers: tuple[Ticker, ...] = ()
+
+    def __init__(self, name: str, stages: Stages | None, **options: Any):
+        super().__init__(name, **options)
+        self._stages = stages or Stages()
+        self._own = self._stages if stages is None else None
+
+    def tick(self, period: float, call: Callable[[], None]) -> None:
+        """Call a function every ``period`` [s] until the node is destroyed; see `Ticker`."""
+        self._tickers += Ticker(self, period, call),
+
+    def destroy_node(self) -> None:
+        """End all inputs and outputs, and destroy the node."""
+        for ticker in self._tickers:
+            ticker.stop()
+        for end in self._ends:
+            end.end()
+        if self._own is not None:
+            self._own.chain.stop(STOP_TIMEOUT)
+        super().destroy_node()
