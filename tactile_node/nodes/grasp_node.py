@@ -130,6 +130,7 @@ class GraspNode(StageNode):
 
     def destroy_node(self) -> None:
         """Publish a grasp without results before the node ends, because the last grasp would otherwise look valid."""
+        self.end_stage()
         if self.context.ok() and self._arrivals:
             self._publish_without_result(math.inf)
         if self._requests is not None:

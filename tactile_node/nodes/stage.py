@@ -336,12 +336,17 @@ class StageNode(Node):
         """Call a function every ``period`` [s] until the node is destroyed; see `Ticker`."""
         self._tickers += Ticker(self, period, call),
 
-    def destroy_node(self) -> None:
-        """End all inputs and outputs, and destroy the node."""
+    def end_stage(self) -> None:
+        """End all tickers, inputs and outputs, so that no other thread uses the node any more."""
         for ticker in self._tickers:
             ticker.stop()
         for end in self._ends:
             end.end()
         if self._own is not None:
             self._own.chain.stop(STOP_TIMEOUT)
+        self._tickers, self._ends, self._own = (), (), None
+
+    def destroy_node(self) -> None:
+        """End the stage, and destroy the node."""
+        self.end_stage()
         super().destroy_node()
