@@ -158,12 +158,7 @@ fuzz: setup  ## a million random CAN messages, ten thousand broken files, a mill
 	@$(BIN)/python test/fuzzing.py
 
 # Those that run longer or more cases with TACTILE_LONG.
-LONG_TESTS := test/test_hand_over.py test/test_planner_client.py test/test_steadiness.py test/test_drift.py \
-	test/test_full_bus.py test/test_motion.py test/test_fit_following.py test/test_noise_floor.py \
-	test/test_assembler.py test/test_calibration.py test/test_contact_moments.py test/test_event_driven.py \
-	test/test_features.py test/test_held_object.py test/test_left_over.py test/test_long_recordings.py \
-	test/test_overlap.py test/test_taxel_faults.py test/test_unit_scale.py test/test_wire_model.py \
-	test/test_gripper_faults.py test/test_gripper_crash.py
+LONG_TESTS = $(filter-out $(HOSTS_TESTS),$(shell grep -lE 'TACTILE_LONG|mark\.long' test/test_*.py))
 misled: setup  ## what a consumer is led to believe when the skin, the bus or a node fails (SHORT=1: under 2 minutes)
 	@for form in '' --apart; do echo "All stages in one process $${form:+by messages alone ($$form)}"; \
 		$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) $$form 2>build/misled.log \

@@ -107,6 +107,14 @@ def pytest_configure(config):
     config.stash[PROCESSOR_TIME] = Counter()
 
 
+def pytest_collection_modifyitems(config, items):
+    """Leave out the cases with the mark ``long``, unless TACTILE_LONG is set."""
+    if os.environ.get('TACTILE_LONG'):
+        return
+    config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker('long')])
+    items[:] = [item for item in items if not item.get_closest_marker('long')]
+
+
 def pytest_collection_finish():
     """Exclude all imported objects from later garbage collections, which would otherwise take 0.15 s each."""
     gc.freeze()
