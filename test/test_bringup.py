@@ -48,18 +48,15 @@ def test_a_log_comes_out_whole_and_the_command_reports_it(lines, log, capsys):
     assert f'CAN frames: {len(lines)} ' in printed
 
 
-def test_the_exit_code_of_a_replay_says_that_a_line_could_not_be_read(log, capsys):
+def test_a_replay_starts_whatever_the_parameter_file_has_and_its_exit_code_reports_an_unread_line(
+        log, tmp_path, capsys):
     with log.open('ab') as file:
         file.write(b'(1.0) can0 1A0#0\n')
-    assert main(['bringup', '--replay', str(log), '--pace', '0']) == UNREAD_EXIT
-    assert 'lines unread: 1' in capsys.readouterr().out
-
-
-def test_a_replay_starts_whatever_the_parameter_file_has(log, tmp_path, capsys):
-    file = tmp_path / 'parameters.yaml'
-    file.write_text('/**:\n  ros__parameters:\n    autostart: false\n')
-    assert main(['bringup', '--replay', str(log), '--pace', '0', '--params-file', str(file)]) == 0
-    assert 'Shapes: ' in capsys.readouterr().out
+    parameters = tmp_path / 'parameters.yaml'
+    parameters.write_text('/**:\n  ros__parameters:\n    autostart: false\n')
+    assert main(['bringup', '--replay', str(log), '--pace', '0', '--params-file', str(parameters)]) == UNREAD_EXIT
+    printed = capsys.readouterr().out
+    assert 'Shapes: ' in printed and 'lines unread: 1' in printed
 
 
 @pytest.fixture
@@ -101,7 +98,7 @@ def test_what_cannot_work_ends_with_a_sentence_and_code_2(words, expected, short
     assert expected in error
 
 
-@pytest.mark.parametrize('rule', ['-r', '--remap'])
+@pytest.mark.parametrize('rule', ['-r', pytest.param('--remap', marks=pytest.mark.long)])
 def test_a_namespace_for_the_whole_process_keeps_the_names_of_its_nodes(rule):
     """Inside PushRosNamespace, launch_ros passes the node name and namespace as remapping arguments.
 
@@ -230,6 +227,8 @@ def test_a_parameter_that_cannot_work_is_refused_at_once():
         rclpy.shutdown()
 
 
+# Without TACTILE_LONG, test_launch_sides.py ends `tactile bringup` by SIGINT, and test_teach.py tests this exit code.
+@pytest.mark.long
 def test_ctrl_c_ends_the_demo_quietly(tmp_path):
     process = subprocess.Popen([sys.executable, '-m', 'examples.demo', '--output', str(tmp_path)], cwd=DATA.parents[1],
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
