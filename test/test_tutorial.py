@@ -9,10 +9,14 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack
+from math import sqrt
 from pathlib import Path
 
 import documented_commands as documented
 import pytest
+from ros_bench import RosBench
+
+from tactile_skin.msg import ContactShape
 
 ROOT = Path(__file__).resolve().parents[1]
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
@@ -21,16 +25,16 @@ SHAPES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle
 TIMEOUT = 60.0  # Time limit on a busy machine [s].
 
 
-def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL) -> subprocess.Popen:
+def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL, *, more=()) -> subprocess.Popen:
     """Start the page's command that begins with ``beginning``, and put its link in a folder of this test.
 
-    Closing ``stack`` ends the started process.
+    The words in ``more`` follow those of the page. Closing ``stack`` ends the started process.
     """
     text, = (each.text for each in documented.commands_of((ROOT / page).read_text(encoding='utf-8'), page)
              if each.text.startswith(beginning) and not each.in_sentence)
     program, *words = shlex.split(text.replace('/tmp/skin', str(link)))
     module = ['-m', 'tactile_node.cli.main'] if program == 'tactile' else []
-    process = subprocess.Popen([sys.executable, *module, *words], cwd=ROOT, text=True, stdout=subprocess.PIPE,
+    process = subprocess.Popen([sys.executable, *module, *words, *more], cwd=ROOT, text=True, stdout=subprocess.PIPE,
                                stderr=subprocess.DEVNULL)
 
     def end() -> None:
@@ -61,18 +65,58 @@ def test_a_newcomer_gets_a_shape_on_a_topic(tmp_path):
     assert 50 < int(confidence) <= 100 and rest.startswith('%') and 'mm' in rest
 
 
-def test_a_planner_waits_for_a_grasp(tmp_path):
+@pytest.fixture(scope='module')
+def parent():
+    """A process with which the simulated skin ends."""
+    process = subprocess.Popen(['sleep', '1000'])
+    yield process
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture(scope='module')
+def simulated(parent, tmp_path_factory):
+    """The driver and the perception of a simulated skin, as started on the planner's page."""
     with ExitStack() as stack:
-        started(stack, 'tactile bringup --simulate', tmp_path / 'skin', PLANNER)
-        deadline, found = time.monotonic() + TIMEOUT, ''
-        # A busy machine may lose the grasp during the request. The planner reports the loss, and the test tries again.
-        while not found:
-            assert time.monotonic() < deadline
-            found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True,
-                                   timeout=TIMEOUT, stdout=subprocess.PIPE).stdout
+        yield started(stack, 'tactile bringup --simulate', tmp_path_factory.mktemp('skin'), PLANNER,
+                      more=['--end-with', str(parent.pid)])
+
+
+def test_a_planner_waits_for_a_grasp(simulated):
+    deadline, found = time.monotonic() + TIMEOUT, ''
+    # A busy machine may lose the grasp during the request. The planner reports the loss, and the test tries again.
+    while not found:
+        assert time.monotonic() < deadline
+        found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True,
+                               timeout=TIMEOUT, stdout=subprocess.PIPE).stdout
     name, *rest = found.split(', ')
     # The page configures no gripper opening, so the width is unknown.
     assert name in SHAPES and rest[-1] == 'width not known\n'
+
+
+def test_the_force_on_a_simulated_skin_has_a_standard_deviation(simulated, ros):
+    """The standard deviation of a taxel is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels.
+
+    Taxels near the press threshold increase the standard deviation of the force. The test therefore waits for ten
+    messages with nearly the expected standard deviation.
+    """
+    bench, ratios = RosBench(ros), []
+    of_taxel = 0.005 * 100e3 * 0.002**2
+
+    def take(shape):
+        if shape.fit_valid and shape.held.sec:
+            ratios.append(shape.force_sd / (of_taxel * sqrt(shape.taxels)))
+    bench.add('reader').create_subscription(ContactShape, '/left/shape', take, 10)
+    bench.until(lambda: sum(ratio < 1.5 for ratio in ratios) >= 10)
+    assert min(ratios) > 0.7
+
+
+def test_the_driver_ends_with_the_process_that_is_named(simulated, parent):
+    """This test is the last one that uses the process."""
+    assert simulated.poll() is None
+    parent.kill()
+    parent.wait()
+    assert simulated.wait(TIMEOUT) == 0
 
 
 def test_a_planner_without_a_grasp_node_gets_a_remedy():
