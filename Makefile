@@ -73,8 +73,8 @@ demo: setup  ## simulated gripper skin, five shapes, live in the terminal; resul
 	@$(BIN)/python -m examples.demo --output demo_output --force
 	@$(NEXT)
 
-check: lint  ## style and the fast tests: what to run while you work (under a minute)
-	@$(MAKE) --no-print-directory --jobs 2 $(FAST_LANES)
+check: setup  ## style and the fast tests: what to run while you work (under a minute)
+	@$(MAKE) --no-print-directory --keep-going --jobs 2 lint $(FAST_LANES)
 
 # Tests in real time begin first. They sleep a lot, so one lane that only computes runs beside them: they have to pass
 # on a busy machine too. All lanes run, also where one has failed.

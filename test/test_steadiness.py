@@ -1,8 +1,7 @@
 """A resting contact must be distinguished from a creeping one, despite noise, steps and the errors of real fits.
 
-`make misled` runs all combinations. `make test` uses one rate, one direction, and one shape for each kind of centre. In
-`make test`,
-each pair of values of pitch, noise, step and speed occurs, but not every combination of all four.
+`make misled` runs all combinations. `make test` uses one rate, one direction, and one shape for each kind of centre.
+Each pair of values of pitch, noise, step and speed occurs in `make test`, but not every combination of all four.
 """
 
 import os
