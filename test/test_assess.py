@@ -302,8 +302,8 @@ def recordings(tmp_path_factory):
     """Record a time series of touches on the uneven skin, in one file for each object."""
     folder, rng = tmp_path_factory.mktemp('touches'), generator(Purpose.TEST, 780_011)
     for name in EVERY:
-        frames = [load * frame_of(name, rng) + 100 * rng.standard_normal((SIDE, SIDE)) for _ in range(8)
-                  for load in LOADS]
+        touches = [frame_of(name, rng) for _ in range(8)]
+        frames = [load * touch + 100 * rng.standard_normal((SIDE, SIDE)) for touch in touches for load in LOADS]
         np.save(folder / f'{name}.npy', frames)
     return folder
 
