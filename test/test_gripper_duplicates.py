@@ -137,6 +137,7 @@ def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
         parent.kill()
 
 
+@LONG
 def test_a_process_that_is_no_number_is_one_error(tmp_path):
     done = subprocess.run([sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--end-with', 'launch'],
                           env=environment_with('control_msgs'), capture_output=True, text=True, timeout=60)
