@@ -66,7 +66,7 @@ MARK = re.compile(r'pytest\.mark\.(ros|bus|slow)')
 MODULE_MARKS = re.compile(r'^pytestmark = (\[.*?\]|.*?)$', re.MULTILINE | re.DOTALL)
 
 
-#: Wall time of the slowest test files in `make test` on two idle cores [s]. Every other file counts as OTHER_WALL_TIME.
+#: Estimated wall time of the slowest test files in `make test` [s]. Every other file counts as OTHER_WALL_TIME.
 WALL_TIME = {
     'test_bringup.py': 50, 'test_can_commands.py': 15, 'test_documented_commands.py': 15, 'test_driver_recovery.py': 25,
     'test_faults.py': 60, 'test_finalized.py': 10, 'test_grasp_node.py': 15, 'test_grasp_requests.py': 15,
