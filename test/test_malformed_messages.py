@@ -476,7 +476,7 @@ def test_no_contact_shape_stops_a_grasp_nor_breaks_its_hold(chain):
     chain.add(GraspNode(parameter_overrides=[Parameter('lossless', value=True)]))
     grasps = chain.listen(Grasp, '/grasp')
     publishers = {side: chain.publisher(ContactShape, f'/{side}/shape', lossless=True) for side in ('left', 'right')}
-    cases = sent_cases(check_contact_shape)
+    cases = cases_of(check_contact_shape)  # A grasp is stable only after so many shapes.
     for sequence, (change, _) in enumerate(cases, start=1):
         bad_side, good_side = ('left', 'right')[::1 if sequence % 2 else -1]
         publishers[bad_side].publish(malformed(good_shape, change, sequence))
