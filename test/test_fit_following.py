@@ -27,7 +27,8 @@ PUNCHES = {
     'circle': (0.564,), 'square': (1.0,), 'rectangle': (1.4, 0.714), 'right_triangle': (1.73, 1.155, 1.0),
     'isosceles_triangle': (1.41, 1.41)}
 LONG = bool(os.environ.get('TACTILE_LONG'))
-PERIOD, FRAMES, SIDE, MIDDLE, DEPTH = 0.02, 40, 32, 14.0, 0.6
+PERIOD, SIDE, MIDDLE, DEPTH = 0.02, 32, 14.0, 0.6
+FRAMES = 40 if LONG else 30
 INSIDE = 5.99  # The 95 % quantile of chi squared for the two coordinates of the centre.
 
 
