@@ -7,6 +7,7 @@ import by_definition
 import numpy as np
 import pytest
 
+from bench import reproduce
 from bench.reproduce import main
 from bench.reproduction import sampling
 from bench.reproduction.methods import confusion, lost_in_plane
@@ -55,9 +56,10 @@ def test_what_is_drawn_does_not_depend_on_the_number_of_processes(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_small_run_writes_page_and_numbers(tmp_path, capsys):
+def test_a_small_run_writes_page_and_numbers(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(reproduce, 'LEAST_TRAINING', 200)
     folder = tmp_path / 'out'
-    arguments = ['-o', str(folder), '--patterns', '15', '--training', '600', '--jobs', '1']
+    arguments = ['-o', str(folder), '--patterns', '15', '--training', '200', '--jobs', '1']
     assert main(arguments) == 0
     page = (folder / 'index.html').read_text(encoding='utf-8')
     assert page.count('<img ') == page.count('data:image/svg+xml;base64,') == 12
