@@ -321,11 +321,11 @@ def test_standard_deviations_of_contacts_with_a_rim(noise):
 
 
 def ratios_of(rng, kind, noise):
-    """Return the reported standard deviations of force and centre, divided by the spread of repeated frames."""
+    """Return the reported standard deviations of force and centre, divided by the spread of 150 frames."""
     contact = random_contact(rng, kind, float(rng.uniform(15, 100)), 24, 24)
     touch = pressure_frame(contact, rng, 24, 24, pressure=0.6, skin=Skin(blur=0.5))
     extractor, found = PatternExtractor(THRESHOLDS), []
-    for _ in range(150 if LONG else 60):
+    for _ in range(150):
         pattern = extractor.extract(touch + 1e5 * noise * rng.standard_normal(touch.shape))
         one = contact_moments(pattern.values, pattern.mask, PITCH, 'Pa', visibility_of(pattern),
                               pattern.noise)
