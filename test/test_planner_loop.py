@@ -150,8 +150,8 @@ def test_oblique_faces_that_the_edge_of_a_pad_cuts_are_not_tilted(monkeypatch):
 @pytest.mark.ros
 def test_from_random_starts_the_contacts_come_to_oppose():
     """`bench/bench_planner.py` runs 50 of these random starts."""
-    found = bench_planner.runs(4)
-    assert sum(bench_planner.opposes(run.before) for run in found) <= 1
+    found = bench_planner.runs(2)
+    assert not any(bench_planner.opposes(run.before) for run in found)
     assert [run.is_right for run in found] == [True] * len(found)
 
 

@@ -45,16 +45,31 @@ def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL, 
     return process
 
 
-def test_a_newcomer_gets_a_shape_on_a_topic(tmp_path):
-    link = tmp_path / 'skin'
+@pytest.fixture(scope='module')
+def parent():
+    """A process with which the driver and the perception end."""
+    process = subprocess.Popen(['sleep', '1000'])
+    yield process
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture(scope='module')
+def bringup(parent, tmp_path_factory):
+    """The driver and the perception of a simulated skin, as started in the tutorial."""
+    link = tmp_path_factory.mktemp('tutorial') / 'skin'
     with ExitStack() as stack:
         started(stack, 'tactile simulate', link)
         deadline = time.monotonic() + TIMEOUT
         while not link.is_symlink():
             assert time.monotonic() < deadline
             time.sleep(0.02)
-        started(stack, 'tactile bringup', link)
-        listener = started(stack, 'python examples/shape_listener.py', link)
+        yield started(stack, 'tactile bringup', link, more=['--end-with', str(parent.pid)])
+
+
+def test_a_newcomer_gets_a_shape_on_a_topic(bringup, tmp_path):
+    with ExitStack() as stack:
+        listener = started(stack, 'python examples/shape_listener.py', tmp_path)
         seen = ''
         for line in listener.stdout:
             seen += line
@@ -65,36 +80,7 @@ def test_a_newcomer_gets_a_shape_on_a_topic(tmp_path):
     assert 50 < int(confidence) <= 100 and rest.startswith('%') and 'mm' in rest
 
 
-@pytest.fixture(scope='module')
-def parent():
-    """A process with which the simulated skin ends."""
-    process = subprocess.Popen(['sleep', '1000'])
-    yield process
-    process.kill()
-    process.wait()
-
-
-@pytest.fixture(scope='module')
-def simulated(parent, tmp_path_factory):
-    """The driver and the perception of a simulated skin, as started on the planner's page."""
-    with ExitStack() as stack:
-        yield started(stack, 'tactile bringup --simulate', tmp_path_factory.mktemp('skin'), PLANNER,
-                      more=['--end-with', str(parent.pid)])
-
-
-def test_a_planner_waits_for_a_grasp(simulated):
-    deadline, found = time.monotonic() + TIMEOUT, ''
-    # A busy machine may lose the grasp during the request. The planner reports the loss, and the test tries again.
-    while not found:
-        assert time.monotonic() < deadline
-        found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True,
-                               timeout=TIMEOUT, stdout=subprocess.PIPE).stdout
-    name, *rest = found.split(', ')
-    # The page configures no gripper opening, so the width is unknown.
-    assert name in SHAPES and rest[-1] == 'width not known\n'
-
-
-def test_the_force_on_a_simulated_skin_has_a_standard_deviation(simulated, ros):
+def test_the_force_on_a_simulated_skin_has_a_standard_deviation(bringup, ros):
     """The standard deviation of a taxel is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels.
 
     Taxels near the press threshold increase the standard deviation of the force. The test therefore waits for ten
@@ -106,17 +92,31 @@ def test_the_force_on_a_simulated_skin_has_a_standard_deviation(simulated, ros):
     def take(shape):
         if shape.fit_valid and shape.held.sec:
             ratios.append(shape.force_sd / (of_taxel * sqrt(shape.taxels)))
-    bench.add('reader').create_subscription(ContactShape, '/left/shape', take, 10)
+    bench.add('reader').create_subscription(ContactShape, '/pad/shape', take, 10)
     bench.until(lambda: sum(ratio < 1.5 for ratio in ratios) >= 10)
     assert min(ratios) > 0.7
 
 
-def test_the_driver_ends_with_the_process_that_is_named(simulated, parent):
+def test_the_driver_ends_with_the_process_that_is_named(bringup, parent):
     """This test is the last one that uses the process."""
-    assert simulated.poll() is None
+    assert bringup.poll() is None
     parent.kill()
     parent.wait()
-    assert simulated.wait(TIMEOUT) == 0
+    assert bringup.wait(TIMEOUT) == 0
+
+
+def test_a_planner_waits_for_a_grasp(tmp_path):
+    with ExitStack() as stack:
+        started(stack, 'tactile bringup --simulate', tmp_path / 'skin', PLANNER)
+        deadline, found = time.monotonic() + TIMEOUT, ''
+        # A busy machine may lose the grasp during the request. The planner reports the loss, and the test tries again.
+        while not found:
+            assert time.monotonic() < deadline
+            found = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True,
+                                   timeout=TIMEOUT, stdout=subprocess.PIPE).stdout
+    name, *rest = found.split(', ')
+    # The page configures no gripper opening, so the width is unknown.
+    assert name in SHAPES and rest[-1] == 'width not known\n'
 
 
 def test_a_planner_without_a_grasp_node_gets_a_remedy():
