@@ -73,8 +73,8 @@ demo: setup  ## press five shapes on a simulated gripper skin, live in the termi
 	@$(BIN)/python -m examples.demo --output demo_output --force
 	@$(NEXT)
 
-check: lint  ## run the style checks and the fast tests while you work (under a minute)
-	@$(MAKE) --no-print-directory --jobs 2 $(FAST_LANES)
+check: setup  ## run the style checks and the fast tests while you work (under a minute)
+	@$(MAKE) --no-print-directory --keep-going --jobs 2 lint $(FAST_LANES)
 
 # The real-time tests start first. They mostly sleep, so one lane that only computes runs beside them, and they have to
 # pass on a busy machine too. All lanes run, even if one lane has failed.
@@ -93,26 +93,24 @@ test: setup messages  ## run all checks of the project, and print how long they 
 messages: setup
 	@$(BIN)/python test/built_messages.py tf2_msgs control_msgs
 
-# Each line of output begins with its lane. With exec, the tests receive the signal that ends make.
-REAL_TIME_LANES := lane-ros-1 lane-ros-2 lane-bus
+# Each line of output begins with its lane. With exec, the tests receive the signal that ends make. Each lane imports the
+# test files that may contain one of its tests, which takes 10 s, so there are only enough lanes to keep both cores busy.
+REAL_TIME_LANES := lane-real-1 lane-real-2 lane-real-3
 FAST_LANES := lane-fast-1 lane-fast-2
-COMPUTING_LANES := lint lane-slow $(FAST_LANES)
-LANES := $(REAL_TIME_LANES) $(FAST_LANES) lane-slow lane-socketcan
+COMPUTING_LANES := lint lane-computing-1 lane-computing-2
+LANES := $(REAL_TIME_LANES) $(FAST_LANES) $(filter lane-%,$(COMPUTING_LANES)) lane-socketcan
 .PHONY: $(LANES)
 $(LANES): export OMP_NUM_THREADS := 1
 $(LANES): LANE = exec > >(trap '' INT TERM; exec sed -u 's/^/$(@:lane-%=%) | /') 2>&1;
 LANE_TESTS = $(BIN)/python -m pytest test -q -p no:cacheprovider
 
-lane-ros-1 lane-ros-2: lane-ros-%: setup
-	@$(LANE) exec $(LANE_TESTS) -m ros --part $*/2
+$(REAL_TIME_LANES): lane-real-%: setup
+	@$(LANE) exec $(LANE_TESTS) -m 'bus or ros' --part $*/3
 
-lane-bus: setup
-	@$(LANE) exec $(LANE_TESTS) -m 'bus and not ros'
+lane-computing-1 lane-computing-2: lane-computing-%: setup
+	@$(LANE) exec $(LANE_TESTS) -m 'not bus and not ros' --part $*/2
 
-lane-slow: setup
-	@$(LANE) exec $(LANE_TESTS) -m 'slow and not bus and not ros'
-
-lane-fast-1 lane-fast-2: lane-fast-%: setup
+$(FAST_LANES): lane-fast-%: setup
 	@$(LANE) exec $(LANE_TESTS) -m 'not slow and not bus and not ros' --part $*/2
 
 lane-socketcan: setup
@@ -158,12 +156,7 @@ fuzz: setup  ## test a million random CAN messages, ten thousand broken files, a
 	@$(BIN)/python test/fuzzing.py
 
 # Test files that run longer, or with more cases, with TACTILE_LONG.
-LONG_TESTS := test/test_one_process.py test/test_planner_client.py test/test_steadiness.py test/test_drift.py \
-	test/test_full_bus.py test/test_motion.py test/test_fit_following.py test/test_noise_floor.py \
-	test/test_assembler.py test/test_calibration.py test/test_contact_moments.py test/test_event_driven.py \
-	test/test_features.py test/test_held_object.py test/test_left_over.py test/test_long_recordings.py \
-	test/test_overlap.py test/test_taxel_faults.py test/test_unit_scale.py test/test_wire_model.py \
-	test/test_gripper_faults.py test/test_gripper_crash.py
+LONG_TESTS = $(filter-out $(HOSTS_TESTS),$(shell grep -lE 'TACTILE_LONG|mark\.long' test/test_*.py))
 misled: setup  ## measure false claims to a consumer when the skin, the bus or a node fails (SHORT=1: under 2 minutes)
 	@for form in '' --apart; do echo "All stages in one process $${form:+by messages alone ($$form)}"; \
 		$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) $$form 2>build/misled.log \

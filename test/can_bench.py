@@ -127,7 +127,7 @@ def tiny_layout(folder: Path, text: str = TINY):
 def wait_until(condition: Callable[[], bool], timeout: float = 60.0) -> bool:
     end = time.monotonic() + timeout
     while not (met := condition()) and time.monotonic() < end:
-        threading.Event().wait(0.002)
+        threading.Event().wait(0.01)
     return met
 
 

@@ -66,9 +66,28 @@ MARK = re.compile(r'pytest\.mark\.(ros|bus|slow)')
 MODULE_MARKS = re.compile(r'^pytestmark = (\[.*?\]|.*?)$', re.MULTILINE | re.DOTALL)
 
 
+#: Estimated wall time of the slowest test files in `make test` [s]. Every other file counts as OTHER_WALL_TIME.
+WALL_TIME = {
+    'test_bringup.py': 50, 'test_can_commands.py': 15, 'test_documented_commands.py': 15, 'test_driver_recovery.py': 25,
+    'test_faults.py': 60, 'test_finalized.py': 10, 'test_grasp_node.py': 15, 'test_grasp_requests.py': 15,
+    'test_gripper_crash.py': 45, 'test_gripper_duplicates.py': 20, 'test_gripper_faults.py': 15,
+    'test_gripper_hold.py': 15, 'test_gripper_node.py': 35, 'test_hand_over.py': 25, 'test_link.py': 45,
+    'test_malformed_messages.py': 25, 'test_misled.py': 25, 'test_planner_loop.py': 15, 'test_scan.py': 20,
+    'test_skin_bus.py': 15, 'test_stages.py': 10, 'test_tutorial.py': 25}
+OTHER_WALL_TIME = 3
+
+
 def pytest_addoption(parser):
-    parser.addoption('--part', default='1/1', metavar='K/N', help='run only every Nth test file, beginning with '
-                     'the Kth, so that N parallel runs share the tests')
+    parser.addoption('--part', default='1/1', metavar='K/N', help='run only the Kth of N parts of the test files, '
+                     'so that N parallel runs share the tests')
+
+
+def part_of(names, part, parts):
+    """Return the files in one of ``parts`` parts that take about the same time."""
+    shares = [[] for _ in range(parts)]
+    for name in sorted(names, key=lambda name: (-WALL_TIME.get(name, OTHER_WALL_TIME), name)):
+        min(shares, key=lambda share: sum(WALL_TIME.get(each, OTHER_WALL_TIME) for each in share)).append(name)
+    return shares[part - 1]
 
 
 def pytest_ignore_collect(collection_path, config):
@@ -78,10 +97,12 @@ def pytest_ignore_collect(collection_path, config):
     """
     if collection_path.suffix != '.py' or collection_path.parent != Path(__file__).parent:
         return None
-    part, parts = map(int, config.getoption('part').split('/'))
-    files = config.stash.setdefault(FILES, sorted(
-        path.name for path in collection_path.parent.glob('test_*.py') if may_have_tests(path, config.option.markexpr)))
-    return None if collection_path.name in files[part - 1::parts] else True
+    files = config.stash.get(FILES, None)
+    if files is None:
+        part, parts = map(int, config.getoption('part').split('/'))
+        files = config.stash[FILES] = part_of([path.name for path in collection_path.parent.glob('test_*.py')
+                                               if may_have_tests(path, config.option.markexpr)], part, parts)
+    return None if collection_path.name in files else True
 
 
 def may_have_tests(path, markexpr):
@@ -97,7 +118,7 @@ def may_have_tests(path, markexpr):
                for ros, bus, slow in itertools.product(*choices))
 
 
-#: Names of the files that may contain a test with the marks of this run.
+#: Names of the files in this part that may contain a test with the marks of this run.
 FILES = pytest.StashKey[list]()
 #: Processor time per test file, for collecting the file and running its tests [s].
 PROCESSOR_TIME = pytest.StashKey[Counter]()
@@ -105,6 +126,14 @@ PROCESSOR_TIME = pytest.StashKey[Counter]()
 
 def pytest_configure(config):
     config.stash[PROCESSOR_TIME] = Counter()
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out the cases with the mark ``long``, unless TACTILE_LONG is set."""
+    if os.environ.get('TACTILE_LONG'):
+        return
+    config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker('long')])
+    items[:] = [item for item in items if not item.get_closest_marker('long')]
 
 
 def pytest_collection_finish():

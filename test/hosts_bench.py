@@ -9,13 +9,25 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any
 
-from misled_bench import PERIOD, TIMEOUT, Popen, Record, SkinProcess, World
+from misled_bench import (
+    PERIOD,
+    TIMEOUT,
+    FalseClaim,
+    Finding,
+    Popen,
+    Record,
+    SkinProcess,
+    World,
+    current,
+    empty,
+)
 from misled_skin import LAYOUT, NODE_IDS, PADS
 from two_hosts import Host, Hosts
 
@@ -34,6 +46,16 @@ def missing(shapes: list[Record]) -> int:
     """Return the number of frames lost between ``shapes``, not counting frames that a stage left out on purpose."""
     return sum(max(0, after['sequence'] - before['sequence'] - 1 - after['left_out'])
                for before, after in zip(shapes, shapes[1:]))
+
+
+def withdrawn(period: float) -> float:
+    """Return the time within which `fresh` is withdrawn, for this time between two frames [s]."""
+    return max(0.1, 3 * period)
+
+
+def held(record: Record) -> bool:
+    """Return True if the record states that an object is currently held."""
+    return current(record) and record['contact'] in ('ONE_SIDED', 'TWO_SIDED')
 
 
 def _text(file: Path) -> str:
@@ -112,7 +134,7 @@ class HostsWorld(World):
         host = self.hosts.first if side == 'bus' else self.hosts.second
         words = ['--interface', 'slcan', '--channel', self._port, '--node-id', ','.join(map(str, NODE_IDS)),
                  '--layout', LAYOUT] if side == 'bus' else []
-        given = [*self._given, *([f'{DRIVER}:sync_period:={self._period}'] if side == 'bus' else [])]
+        given = [*self._given, *([f'{DRIVER}:sync_period:={self.period}'] if side == 'bus' else [])]
         self.bringups[side] = self._on(host)(
             [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--pads', ','.join(PADS),
              *(['--side', SIDES[side]] if self.has_sides else []), *words, '--ros-args',
@@ -149,6 +171,10 @@ class HostsWorld(World):
     def received(self, topic: str, since: float) -> list[Record]:
         return [record for record in list(self.records) if record['topic'] == topic and record['time'] > since]
 
+    def wait_for_no_contact(self) -> None:
+        self.wait(lambda: self.latest('grasp')['contact'] == 'NO_CONTACT' and current(self.latest('grasp')),
+                  'an empty gripper')
+
     def hold_again(self, since: float) -> float:
         """Wait for a stable grasp after ``since`` [s, monotonic], and return the time until its arrival [s]."""
         stable = lambda: [record for record in self.received('grasp', since) if record['stable']]  # noqa: E731
@@ -175,6 +201,33 @@ class HostsWorld(World):
         stack.callback(process.wait)
         stack.callback(process.kill)
         time.sleep(0.5)
+
+
+def cut_and_mend(world: HostsWorld, cut: Callable[[], None], mend: Callable[[], None]) -> Finding:
+    """Cut the link while the gripper holds an object, remove the object, and mend the link.
+
+    Frames that were in transit when the link was cut must not mislead a consumer. The function returns for how long the
+    consumer took the last grasp for current.
+    """
+    world.hold()
+    cut()
+    try:
+        is_empty, lasting = world.watch(time.monotonic(), 1.0, FalseClaim('empty', empty), FalseClaim(
+            'current', current, withdrawn(world.period) + world.period))
+        world.skin.set(is_there=False)
+        time.sleep(1.0)
+    finally:
+        back = time.monotonic()
+        mend()
+    assert is_empty.seconds == 0 and lasting.has_ended, (is_empty, lasting)
+    try:
+        world.wait_for_no_contact()
+        assert world.false(FalseClaim('held', held), back).seconds == 0
+        assert {world.latest(side)['shape'] for side in PADS} == {'NONE'}
+    finally:
+        world.skin.set(is_there=True)
+    world.hold_again(time.monotonic())
+    return lasting
 
 
 def use_from_other_host(world: HostsWorld) -> None:

@@ -254,7 +254,7 @@ class World(Watch):
         self._topics = topics
         self._relayed = relayed
         self._without = without
-        self._period = period
+        self.period = period
         self.relays: list[Relay] = []
         self._parameters = parameters
         self._stages: Stages | None = None
@@ -305,7 +305,7 @@ class World(Watch):
 
     def _make_nodes(self) -> None:
         driver = {'interface': 'slcan', 'channel': self._port, 'pads': list(PADS), 'node_ids': list(NODE_IDS),
-                  'layouts': [LAYOUT], 'sync_period': self._period}
+                  'layouts': [LAYOUT], 'sync_period': self.period}
         kinds = [('driver', DriverNode, '', driver),
                  *((f'{role}_{pad}', kind, pad, {}) for pad in PADS
                    for role, kind in (('processor', ProcessorNode), ('classifier', ClassifierNode))),

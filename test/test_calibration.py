@@ -89,6 +89,7 @@ def test_sizes_of_other_objects_are_right_after_one_calibration(response_file, o
         assert abs(np.median(found['with'][shape])) < 0.015, shape
 
 
+@pytest.mark.slow
 def test_a_stream_of_readings_is_fitted_as_the_command_does(response_file, rng):
     solution, area = solved('square', OTHERS['square'], 0.15)
     frames = [frame - 6.0 for frame in pressed(rng, solution, area, presses=1, frames=8)]
@@ -100,6 +101,7 @@ def test_a_stream_of_readings_is_fitted_as_the_command_does(response_file, rng):
     assert sides[0] > 1.02 * OTHERS['square'][0] > sides[1] > 0.98 * OTHERS['square'][0]
 
 
+@pytest.mark.slow
 def test_the_file_says_what_it_was_found_from(response_file):
     written = yaml.safe_load(response_file.read_text())
     assert written['found_from']['disc'] == {'radius': RADIUS, 'edge_radius': 0.0}
@@ -132,6 +134,7 @@ def test_a_ball_is_not_a_flat_disc(rng):
     assert error.value.expected == 'a flat face'
 
 
+@pytest.mark.slow
 def test_light_contacts_stay_as_they_are_under_a_response(response_file):
     """The curve was once too steep below the lightest press, so contacts of 3-5 kPa were not reported."""
     curve = load_response(response_file).curve
@@ -145,6 +148,7 @@ def test_a_depth_that_does_not_fit_the_pitch_is_refused(depth):
         fit_shape(disc(12, 12), disc(12, 12) > 25e3, Shape.CIRCLE, PITCH, Layer(depth, 0.1))
 
 
+@pytest.mark.slow
 def test_a_stream_of_another_unit_is_refused(response_file):
     with pytest.raises(ConfigurationError):
         tn.ContactStream(pitch=PITCH, unit='N', response=response_file)

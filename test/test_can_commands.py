@@ -16,6 +16,7 @@ from can_bench import Bench, wait_until
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.cli import record, replay, simulate
+from tactile_node.cli.main import main
 from tactile_node.errors import BusError, ConfigurationError, LogError, TactileError
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.skin.pads import make_pad
@@ -166,11 +167,11 @@ def test_replay_says_by_its_exit_code_that_a_line_could_not_be_read_and_writes_t
     assert ('damaged line' in capsys.readouterr().err) == bool(code)
 
 
-def test_replay_writes_into_a_pipe():
+def test_replay_writes_into_a_pipe(monkeypatch, capsys):
     replaying = spawn('replay', DATA / 'sim16x16_two_pads.log.gz', '--output', '-')
-    classifying = subprocess.run([sys.executable, '-c', TACTILE, 'classify'], cwd=ROOT, stdin=replaying.stdout,
-                                 capture_output=True, text=True, timeout=120, check=True)
-    assert replaying.wait(60) == 0 and len(classifying.stdout.splitlines()) == 120
+    monkeypatch.setattr(sys, 'stdin', replaying.stdout)
+    assert main(['classify']) == 0
+    assert replaying.wait(60) == 0 and len(capsys.readouterr().out.splitlines()) == 120
 
 
 def test_replay_without_a_sync_fails(tmp_path, capsys):

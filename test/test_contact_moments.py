@@ -228,11 +228,13 @@ def test_more_contacts_than_have_labels_are_a_bound():
 def test_standard_deviations_are_those_of_repeated_frames(side, noise, dead):
     """The reported standard deviations match the spread of repeated frames to within a factor of 2.
 
+    The spread of 60 frames is known to within 9 %, and that of 400 frames with TACTILE_LONG to within 4 %.
+
     The standard deviations of each frame are estimated from the noise beside the contact.
     """
     rng, extractor, found = np.random.default_rng(side), PatternExtractor(THRESHOLDS), []
     ramp = np.linspace(60e3, 100e3, 16)
-    for _ in range(400 if LONG else 200):
+    for _ in range(400 if LONG else 60):
         frame = np.where(block(1.0, side) > 0, ramp, 0.0) + noise * rng.standard_normal((16, 16))
         frame[5, 5] = np.nan if dead else frame[5, 5]
         pattern = extractor.extract(frame)

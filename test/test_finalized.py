@@ -29,7 +29,7 @@ BRINGUP = [sys.executable, '-m', 'tactile_node.cli.main', 'bringup', '--simulate
 
 
 @pytest.mark.parametrize(('command', 'state'), [
-    ([*DRIVER, '-p', 'autostart:=false'], SkinStatus.UNCONFIGURED),
+    pytest.param([*DRIVER, '-p', 'autostart:=false'], SkinStatus.UNCONFIGURED, marks=pytest.mark.long),
     ([*DRIVER, '-p', 'boot_timeout:=0.2'], SkinStatus.UNCONFIGURED),  # This driver is waiting for a device.
     (BRINGUP, SkinStatus.ACTIVE)], ids=['driver', 'driver that waits', 'all nodes in one process'])
 def test_the_transition_shutdown_is_answered_and_ends_the_process(command, state, tmp_path):

@@ -169,6 +169,7 @@ def replayed(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_replay_keeps_stamps_sequence_pad_pitch_and_unit(replayed, tmp_path):
     assert main(['replay', str(LOG), '--output', str(tmp_path / 'x.npy')]) == 0
     found, values = read_frames(str(replayed)), np.load(tmp_path / 'x.npy')

@@ -11,6 +11,7 @@ from bench.recognition.cases import frame_labels
 recorded = cache(cases.recorded)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('recording', ['nus_ring_session', 'nus_square_excerpt', 'nus_square_moving'])
 def test_labels_cover_all_frames_of_the_log(recording):
     stamps, _ = recorded(recording)

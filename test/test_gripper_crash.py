@@ -1,10 +1,10 @@
 """Tests of goals sent after the gripper's own action server was killed or stopped.
 
 The gripper, the gripper node and the client are separate processes, because the middleware shows a killed server for 20
-s.
+s. Without TACTILE_LONG, one gripper is killed and one is stopped. test_gripper_faults.py tests the other goals and
+faults in virtual time.
 """
 
-import os
 import signal
 import subprocess
 import sys
@@ -37,7 +37,7 @@ NARROWER = 0.055
 TRAVEL = '0.00003'
 # Number of steps in a period of the frames. A low rate saves processor time, and no test touches an object.
 FRAME_STEPS = 10
-LONG = pytest.mark.skipif(not os.environ.get('TACTILE_LONG'), reason='TACTILE_LONG is not set')
+LONG = pytest.mark.long
 
 
 class Gripper:
@@ -120,7 +120,7 @@ IN_DOUBT = 'may still be moving'
 REACHED = GoalStatus.STATUS_SUCCEEDED, Outcome.REACHED
 
 
-@pytest.mark.parametrize('goal', ['close', pytest.param('partly', marks=LONG), 'widest'])
+@pytest.mark.parametrize('goal', ['close', pytest.param('partly', marks=LONG), pytest.param('widest', marks=LONG)])
 @pytest.mark.parametrize('pause', [0.2, pytest.param(5.0, marks=LONG), pytest.param(25.0, marks=LONG)])
 def test_a_gripper_that_is_killed_and_restarted_opens_and_closes_again(site, pause, goal):
     position = {'close': 0.0, 'partly': 0.07, 'widest': WIDEST}[goal]
@@ -137,7 +137,8 @@ def test_a_gripper_that_is_killed_and_restarted_opens_and_closes_again(site, pau
     assert IN_DOUBT not in site.goal(WIDEST)[2]
 
 
-@pytest.mark.parametrize('pause', [0.2, pytest.param(5.0, marks=LONG), pytest.param(25.0, marks=LONG)])
+@LONG
+@pytest.mark.parametrize('pause', [0.2, 5.0, 25.0])
 def test_a_restarted_gripper_that_rejects_is_reported_as_that(site, pause):
     first = site.gripper('hangs')
     handle = site.begun(0.0, first)
@@ -149,8 +150,9 @@ def test_a_restarted_gripper_that_rejects_is_reported_as_that(site, pause):
     assert site.goal(NARROW)[1] is Outcome.GRIPPER_REFUSED
 
 
-@pytest.mark.parametrize('pause', [0.2, pytest.param(5.0, marks=LONG), pytest.param(25.0, marks=LONG)])
-@pytest.mark.parametrize('position', [WIDEST, pytest.param(NARROWER, marks=LONG)])
+@LONG
+@pytest.mark.parametrize('pause', [0.2, 5.0, 25.0])
+@pytest.mark.parametrize('position', [WIDEST, NARROWER])
 def test_a_goal_replaces_one_of_a_killed_gripper(site, position, pause):
     first = site.gripper('hangs')
     site.begun(0.0, first)
@@ -178,6 +180,7 @@ def test_a_stopped_gripper_that_wakes_up_carries_out_nothing_old(site):
     assert site.goal(NARROW)[:2] == REACHED
 
 
+@LONG
 def test_a_gripper_that_is_stopped_in_mid_close_is_not_sent_another_close(site):
     gripper = site.gripper('works')
     handle = site.begun(0.0, gripper)

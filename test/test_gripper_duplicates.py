@@ -7,6 +7,7 @@ import logging
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from functools import partial
 
 import pytest
@@ -24,6 +25,7 @@ from tactile_node.nodes.gripper_node import GripperNode
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
 ABORTED = GoalStatus.STATUS_ABORTED
+LONG = pytest.mark.long
 OTHER = '/other_gripper/gripper_cmd'
 SAME_NAME, OTHER_NAME = (), ('-r', '__node:=other_gripper')
 
@@ -53,8 +55,9 @@ class Diagnostics:
 
 # Tests with separate processes, in real time
 
-@pytest.mark.parametrize(('ros_words', 'action'), [(SAME_NAME, '/touch_gripper/gripper_cmd'), (OTHER_NAME, OTHER)],
-                         ids=['same_name', 'other_name'])
+@pytest.mark.parametrize(('ros_words', 'action'), [
+    pytest.param(SAME_NAME, '/touch_gripper/gripper_cmd', marks=LONG, id='same_name'),
+    pytest.param(OTHER_NAME, OTHER, id='other_name')])
 def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_path, ros_words, action):
     """The client sends the first goal as soon as it sees the second process.
 
@@ -93,6 +96,7 @@ def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_p
             bench.until(lambda: diagnostics.level('/touch_gripper: gripper') == DiagnosticStatus.OK)
 
 
+@LONG
 def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
     """A process that is stopped by SIGSTOP does not count as a duplicate.
 
@@ -115,7 +119,7 @@ def test_a_process_that_was_stopped_listens_again_before_it_closes(make_bench):
             assert len(bench.motor.commands) == 1 and not bench.motor.moves
 
 
-@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize('number', [pytest.param(signal.SIGTERM, marks=LONG), signal.SIGKILL])
 def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
     """SIGTERM to `ros2 run` would leave the node behind, so the node exits with the process named by --end-with.
 
@@ -133,6 +137,7 @@ def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
         parent.kill()
 
 
+@LONG
 def test_a_process_id_that_is_not_a_number_causes_one_error(tmp_path):
     done = subprocess.run([sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--end-with', 'launch'],
                           env=environment_with('control_msgs'), capture_output=True, text=True, timeout=60)
@@ -145,6 +150,32 @@ def add_second(bench, name='second', **parameters):
     given = [Parameter(key, value=value) for key, value in parameters.items()]
     return bench.add(bench.timed(GripperNode)(parameter_overrides=given,
                                               cli_args=['--ros-args', '-r', f'__node:={name}']))
+
+
+@contextmanager
+def paused(bench, node):
+    """Run no callback of ``node``, like the process of a node that is stopped by SIGSTOP."""
+    timers = [each for each in bench.time.timers if each.node is node]
+    bench.time.timers = [each for each in bench.time.timers if each.node is not node]
+    bench.executor.remove_node(node)
+    yield
+    bench.executor.add_node(node)
+    bench.time.timers += timers
+
+
+def test_a_node_that_was_paused_listens_again_before_it_closes(make_bench):
+    """A paused node of the same name does not count as a duplicate, and its queue receives the goals for both nodes."""
+    bench = make_bench()
+    second = add_second(bench, name=bench.node.get_name())
+    bench.until_joined(lambda: servers(bench, '/touch_gripper/gripper_cmd') == 2)
+    bench.until(lambda: bench.node._watch.topics)
+    with paused(bench, second):
+        bench.until(lambda: not bench.node._watch.topics)
+        sent = bench.client.send(position=0.0)
+        bench.until(lambda: bench.motor.commands)
+    assert bench.client.result(sent).outcome.outcome == Outcome.DUPLICATE
+    bench.wait(1.0)
+    assert len(bench.motor.commands) == 1 and not bench.motor.moves
 
 
 @pytest.mark.parametrize('hold', [False, True])

@@ -10,7 +10,7 @@ from functools import partial
 import pytest
 from action_msgs.msg import GoalStatus
 from gripper_bench import PERIOD, STEP
-from test_gripper_node import KINDS, MAX_AGE, NOT_SEEN, SLOW_RISE, hide, set_
+from test_gripper_node import KINDS, MAX_AGE, NOT_SEEN, SILENT, SLOW_RISE, hide, set_, unseen
 
 from tactile_node.grasp.closing import Outcome, TouchLimits
 from tactile_node.grasp.holding import BLIND_TIME, HoldLimits
@@ -20,6 +20,7 @@ from tactile_skin.msg import ContactMotion
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
 LIMITS, FORCE = TouchLimits(), 5.0
+LONG = pytest.mark.long
 DEADBAND = LIMITS.stiffness * HoldLimits.gripper_step + LIMITS.overshoot(LIMITS.slow_speed)
 SHRINKS = 0.0015  # Decrease in the object's width [m], which reduces the force by 1.5 N.
 
@@ -67,7 +68,7 @@ def ends(bench):
     return [each for each in bench.client.outcomes if each.of_hold]
 
 
-@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('kind', [KINDS[0], pytest.param(KINDS[1], marks=LONG)])
 def test_the_opening_follows_what_gives_way_and_the_goal_has_ended_before(held, kind):
     bench = held(kind, hold_travel=0.02)
     bench.pads.strongest = 0.0
@@ -108,7 +109,8 @@ def test_the_gripper_opens_again_by_as_much_as_it_has_closed(held):
 
 
 @pytest.mark.parametrize(('moving', 'raised'), [
-    (ContactMotion.SLIDING | ContactMotion.TURNING, 0.5), (ContactMotion.STILL, 0.0), (ContactMotion.TURNING, 0.0)])
+    (ContactMotion.SLIDING | ContactMotion.TURNING, 0.5), (ContactMotion.TURNING, 0.0),
+    pytest.param(ContactMotion.STILL, 0.0, marks=LONG)])
 def test_the_gripper_presses_harder_if_a_pad_reports_a_slide(held, moving, raised):
     bench = held(slide_force_step=0.5, highest_force=FORCE + 0.5)
     bench.pads.change = set_(motions=[ContactMotion(moving=ContactMotion.STILL), ContactMotion(moving=moving)])
@@ -123,19 +125,17 @@ HIDDEN = [set_(hidden_taxels=[2, 0]), set_(saturated_taxels=[0, 1]), set_(force_
           set_(forces=[math.nan, 3.0])]
 
 
-@pytest.mark.parametrize('changes', [NOT_SEEN, HIDDEN], ids=['not seen', 'hidden'])
-def test_untrusted_readings_do_not_move_the_gripper_and_end_the_hold(held, changes):
+# test_gripper_node.py stops for each of these changes, and test_holding.py ends a hold for each of their states.
+@pytest.mark.parametrize(('change', 'outcome'), [
+    (NOT_SEEN[0], Outcome.NOT_SEEN), (HIDDEN[0], Outcome.FORCE_NOT_KNOWN),
+    *(pytest.param(change, Outcome.NOT_SEEN, marks=LONG) for change in NOT_SEEN[1:]),
+    *(pytest.param(change, Outcome.FORCE_NOT_KNOWN, marks=LONG) for change in HIDDEN[1:])])
+def test_untrusted_readings_do_not_move_the_gripper_and_end_the_hold(held, change, outcome):
     bench = held()
-    for change in changes:
-        hide(bench, change)
-        bench.wait(0.05)
-        bench.pads.width -= SHRINKS
-        end = ended(bench)
-        assert end == (Outcome.NOT_SEEN if changes is NOT_SEEN else Outcome.FORCE_NOT_KNOWN)
-        assert not bench.motor.commands
-        bench.client.outcomes.clear()
-        bench.open()
-        hold(bench)
+    hide(bench, change)
+    bench.wait(0.05)
+    bench.pads.width -= SHRINKS
+    assert ended(bench) == outcome and not bench.motor.commands
 
 
 def test_the_hold_waits_while_a_pad_is_unseen_for_a_moment(held):
@@ -165,7 +165,8 @@ def closes(bench):
     bench.until(lambda: bench.motor.moves)
 
 
-@pytest.mark.parametrize('change', NOT_SEEN)
+@pytest.mark.parametrize('change', [
+    unseen, SILENT, *(pytest.param(each, marks=LONG) for each in NOT_SEEN if each not in (unseen, SILENT))])
 def test_a_correction_stops_when_a_pad_is_no_longer_seen(held, change):
     bench = held()
     bench.motor.slowness = 5.0
@@ -213,7 +214,8 @@ def test_a_new_goal_ends_the_hold_and_is_held_itself(held):
     bench.until(lambda: force(bench) > 8.0 - 0.1)
 
 
-@pytest.mark.parametrize('change', [lambda message: message, *NOT_SEEN])
+@pytest.mark.parametrize('change', [
+    lambda message: message, SILENT, *(pytest.param(each, marks=LONG) for each in NOT_SEEN if each is not SILENT)])
 def test_opening_always_ends_the_hold(held, change):
     bench = held()
     closes(bench)
@@ -238,11 +240,11 @@ def test_a_cancel_of_the_goal_that_has_ended_changes_nothing(make_bench):
 
 
 @pytest.mark.parametrize(('fault', 'expected'), [
-    (lambda bench: setattr(bench.motor, 'rejects', True), Outcome.GRIPPER_REFUSED),
     (lambda bench: bench.motor.die(), Outcome.NO_GRIPPER),
-    (lambda bench: bench.motor.fall_silent(), Outcome.GRIPPER_SILENT),
+    pytest.param(lambda bench: setattr(bench.motor, 'rejects', True), Outcome.GRIPPER_REFUSED, marks=LONG),
+    pytest.param(lambda bench: bench.motor.fall_silent(), Outcome.GRIPPER_SILENT, marks=LONG),
     (lambda bench: setattr(bench.motor, 'blocked_at', bench.motor.opening), Outcome.STALLED)],
-    ids=['rejects', 'dead', 'silent', 'stalls'])
+    ids=['dead', 'rejects', 'silent', 'stalls'])
 def test_a_gripper_that_does_not_accept_the_correction_ends_the_hold(held, fault, expected):
     bench = held()
     fault(bench)
@@ -270,6 +272,7 @@ def test_a_node_that_ends_in_a_correction_stops_the_gripper(held):
     assert before - bench.motor.opening <= LIMITS.slow_speed * 2 * STEP and bench.motor.cancels
 
 
+@LONG
 def test_killed_in_a_correction_the_gripper_has_a_safe_command(make_bench):
     bench = make_bench(has_node=False)
     with bench.node_as_process('hold:=true') as process:

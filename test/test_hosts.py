@@ -1,8 +1,7 @@
 """Run driver and planner on two hosts, measure the traffic on their link, and unplug the cable between them.
 
-Run these tests with `make hosts`. The hosts find each other by address, whereas test_link.py uses a discovery server.
-With TACTILE_LONG, the tests use both ways of discovery, restart each side, and assert durations. two_hosts.py provides
-the link and the hosts.
+Run these tests with `make hosts`, which sets TACTILE_LONG. The hosts find each other by address and by a discovery
+server. test_link.py runs without TACTILE_LONG. two_hosts.py provides the link and the hosts.
 """
 
 import os
@@ -16,17 +15,15 @@ from pathlib import Path
 
 import pytest
 from can_bench import TooSlowError
-from hosts_bench import HostsWorld, missing, use_from_other_host
+from hosts_bench import HostsWorld, cut_and_mend, held, missing, use_from_other_host, withdrawn
 from misled_bench import FalseClaim, current, empty
 from two_hosts import Hosts, NoHostsError
 
 from tactile_node.ros.source_guard import SOURCE_HOLD
 
-pytestmark = [pytest.mark.ros, pytest.mark.bus]
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.long]
 
-LONG = bool(os.environ.get('TACTILE_LONG'))
 PERIOD = 0.08  # Time between two frames [s], long enough for a busy machine.
-WITHDRAWN = max(0.1, 3 * PERIOD)  # Time limit for withdrawing `fresh` [s].
 TAXELS = 256
 VALUE_BYTES = 4  # Bytes per taxel in TaxelArray.
 FRAMES = 20
@@ -38,7 +35,7 @@ def name_of(has_server: bool) -> str:
     return 'discovery_server' if has_server else 'static_peers'
 
 
-first_way = pytest.mark.parametrize('world', WAYS if LONG else WAYS[:1], ids=name_of, indirect=True, scope='module')
+on_both_ways = pytest.mark.parametrize('world', WAYS, ids=name_of, indirect=True, scope='module')
 
 
 @pytest.fixture(scope='module')
@@ -54,13 +51,7 @@ def world(request) -> Iterator[HostsWorld]:
         pytest.skip(f'NOT TESTED on two hosts: {error}')
 
 
-def test_a_machine_without_namespaces_is_recognised(monkeypatch):
-    monkeypatch.setenv('PATH', '/nowhere')
-    with pytest.raises(NoHostsError), Hosts():
-        pass
-
-
-@first_way
+@on_both_ways
 def test_every_frame_arrives_as_the_shape_or_is_counted(world):
     def skipped() -> int:
         return sum(world.skipped(f'/left/{role}') for role in ('processor', 'classifier'))
@@ -83,53 +74,21 @@ def seen(record) -> tuple[str, str]:
     return record['shape'], record['reason']
 
 
-def held(record) -> bool:
-    """Return True if the record states that an object is currently held."""
-    return current(record) and record['contact'] in ('ONE_SIDED', 'TWO_SIDED')
-
-
 def is_new(record) -> bool:
     """Return True if the age of the record on arrival is within the limit.
 
     The age includes all delays between the hosts.
     """
-    return record['age'] is not None and record['age'] <= WITHDRAWN + PERIOD
+    return record['age'] is not None and record['age'] <= withdrawn(PERIOD) + PERIOD
 
 
-def wait_for_no_contact(world) -> None:
-    world.wait(lambda: world.latest('grasp')['contact'] == 'NO_CONTACT' and current(world.latest('grasp')),
-               'an empty gripper')
-
-
-@first_way
+@on_both_ways
 def test_a_pulled_cable_misleads_no_consumer(world):
-    """Frames that were in transit when the cable was pulled must not mislead a consumer.
-
-    The object is removed before the cable is plugged in again.
-    """
-    world.hold()
-    world.hosts.plug(False)
-    try:
-        findings = world.watch(time.monotonic(), 1.0, FalseClaim('empty', empty),
-                               FalseClaim('current', current, WITHDRAWN + PERIOD))
-        world.skin.set(is_there=False)
-        time.sleep(1.0)
-    finally:
-        back = time.monotonic()
-        world.hosts.plug(True)
-    lasting = next(finding for finding in findings if finding.claim == 'current')
-    assert findings[0].seconds == 0
-    assert lasting.has_ended and (lasting.holds or not LONG), lasting
-    try:
-        wait_for_no_contact(world)
-        assert world.false(FalseClaim('held', held), back).seconds == 0
-        assert {world.latest(side)['shape'] for side in ('left', 'right')} == {'NONE'}
-    finally:
-        world.skin.set(is_there=True)
-    world.hold_again(time.monotonic())
+    lasting = cut_and_mend(world, lambda: world.hosts.plug(False), lambda: world.hosts.plug(True))
+    assert lasting.holds, lasting
 
 
-@first_way
+@on_both_ways
 def test_a_reader_that_stops_holds_up_no_driver(world):
     """All nodes of the other host are stopped while the object is removed.
 
@@ -149,7 +108,7 @@ def test_a_reader_that_stops_holds_up_no_driver(world):
         back = time.monotonic()
         os.kill(thinking, signal.SIGCONT)
     try:
-        wait_for_no_contact(world)
+        world.wait_for_no_contact()
         claims = [record for record in world.received('grasp', back) if held(record)]
         assert len(claims) <= 1 and not any(map(is_new, claims)), claims
     finally:
@@ -158,13 +117,12 @@ def test_a_reader_that_stops_holds_up_no_driver(world):
     world.hold_again(time.monotonic())
 
 
-@pytest.mark.skipif(not LONG, reason='TACTILE_LONG is not set: test_link.py has it')
-@first_way
+@on_both_ways
 def test_services_actions_and_reports_reach_the_other_host(world):
     use_from_other_host(world)
 
 
-@first_way
+@on_both_ways
 def test_a_driver_of_the_same_name_on_another_host_is_not_used(world):
     """A second driver may belong to another robot in the same domain.
 
@@ -197,9 +155,8 @@ def test_a_driver_of_the_same_name_on_another_host_is_not_used(world):
     world.hold_again(time.monotonic())
 
 
-@pytest.mark.skipif(not LONG, reason='TACTILE_LONG is not set: 10 s')
 @pytest.mark.parametrize('side', ['thinking', 'bus'])
-@first_way
+@on_both_ways
 def test_a_side_that_is_killed_and_started_again_is_found(world, side):
     world.hold()
     world.end(side, is_killed=True)

@@ -3,8 +3,9 @@
 `make misled` prints what this consumer sees, and for how long.
 
 This module tests the cases that need the whole chain. Other tests cover the remaining short cases:
-test_planner_client.py covers a frozen skin, test_stages.py covers hidden rows and saturation, and
-test_driver_recovery.py covers a tare during a grasp.
+test_planner_client.py covers a frozen skin, test_stages.py covers hidden rows and saturation,
+test_driver_recovery.py covers a tare during a grasp, test_malformed_messages.py covers malformed messages, and
+test_steadiness.py covers an object that creeps.
 """
 
 import pytest
@@ -38,6 +39,7 @@ def check(findings):
     assert not lasting
 
 
+@pytest.mark.long
 def test_a_consumer_is_not_misled_by_an_object_that_creeps():
     check(object_creeps(PERIOD))
 
@@ -48,7 +50,8 @@ def world():
         yield found
 
 
-@pytest.mark.parametrize('case', [malformed_sent, rows_lost, unplugged], ids=lambda case: case.__name__)
+@pytest.mark.parametrize('case', [pytest.param(malformed_sent, marks=pytest.mark.long), rows_lost, unplugged],
+                         ids=lambda case: case.__name__)
 def test_a_consumer_is_not_misled(world, case):
     """All cases share one simulated world and run in this order, because a bus that has failed stays failed."""
     world.skin.lose([])

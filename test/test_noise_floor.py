@@ -52,14 +52,14 @@ def each(*short, **names):
 
 
 @pytest.mark.slow
-@each((1, 'Pa'), (1, 'N'), (10, None), seconds=(1, 10, 60), unit=NOISE)
+@each((1, 'N'), (1, None), seconds=(1, 10, 60), unit=NOISE)
 def test_a_contact_that_grows_slowly_is_never_noise(seconds, unit):
     heights = np.concatenate((np.zeros(50), np.linspace(0, 30, 50 * seconds), np.full(100, 30.0)))
     check_held(heights, unit, SQUARE, from_height=10)
 
 
 @pytest.mark.slow
-@each((1000, 'Pa'), (1000, None), frames=(1000, 2000), unit=NOISE)
+@each((1000, None), frames=(1000, 2000), unit=NOISE)
 def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
     """The noise floor uses the last 500 frames, and the object is held for at least twice that time.
 
@@ -72,22 +72,21 @@ def test_an_object_held_from_the_first_frame_is_never_noise(frames, unit):
 
 
 @pytest.mark.slow
-@each(('whole', 'Pa'), ('whole', None), ('half', 'N'), ('11 of 12', None), mask=MASKS, unit=NOISE)
+@each(('whole', None), ('half', 'N'), mask=MASKS, unit=NOISE)
 def test_an_object_that_covers_the_pad_after_rest_is_held(mask, unit):
     heights = np.concatenate((np.zeros(60), np.full(600, 20.0)))
     check_held(heights, unit, MASKS[mask], from_height=10)
 
 
 @pytest.mark.slow
-@each((0, 'whole', 'N'), (0, 'half', 'Pa'), (0, '11 of 12', 'N'), (5, 'whole', 'Pa'), (5, 'half', 'N'),
-      (5, '11 of 12', 'Pa'), seconds=(0, 5, 20), mask=MASKS, unit=('Pa', 'N'))
+@each((0, 'whole', 'N'), (5, '11 of 12', 'Pa'), seconds=(0, 5, 20), mask=MASKS, unit=('Pa', 'N'))
 def test_with_a_unit_the_pad_may_be_covered_from_the_start_or_slowly(seconds, mask, unit):
     heights = np.concatenate((np.linspace(0, 20, 50 * seconds), np.full(300, 20.0)))
     check_held(heights, unit, MASKS[mask], from_height=12)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('unit', ['Pa', 'N'])
+@each(('Pa',), unit=('Pa', 'N'))
 def test_a_contact_between_noise_and_fixed_thresholds_is_not_learned(unit):
     """With absolute thresholds, the taxels of a light contact are not pressed.
 
@@ -164,7 +163,7 @@ def test_values_that_were_tared_have_a_level_that_no_pad_at_rest_reaches():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('unit', ['Pa', None])
+@each((None,), unit=('Pa', None))
 def test_an_object_that_is_held_does_not_drown_in_noise_that_rises(unit):
     """A motor starts, and the noise becomes ten times as large. No frame may report the pad as empty."""
     rng, extractor, held = np.random.default_rng(8), PatternExtractor(unit=unit), np.zeros((16, 16))

@@ -11,6 +11,7 @@ from training.ground_truth.raster import as_raster, coarser
 
 NEAR = 0.006  #: Error bound of best_overlap, plus the error of the grid.
 SIDE = 400
+LONG = bool(os.environ.get('TACTILE_LONG'))
 
 
 def inside(function, reach=2.0):
@@ -26,14 +27,14 @@ def iou(a, b):
 @pytest.mark.parametrize('shape', CLASSES)
 def test_each_shape_overlaps_itself(shape):
     rng = np.random.default_rng(7)
-    for _ in range(8 if os.environ.get('TACTILE_LONG') else 3):
+    for _ in range(8 if LONG else 1):
         found = best_overlap(random_contact(rng, shape, 80.0).outline(128))
         assert found.shape == shape
         assert 0.99 <= found.iou <= 1.005
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('ratio', [1.1, 1.6])
+@pytest.mark.parametrize('ratio', [1.6, pytest.param(1.1, marks=pytest.mark.long)])
 def test_an_ellipse_is_between_circle_and_rectangle(ratio):
     figure = inside(lambda x, y: (x / ratio) ** 2 + y ** 2 <= 0.5)
     half = np.linspace(0.4, 1.9, 76)
@@ -49,7 +50,7 @@ def test_an_ellipse_is_between_circle_and_rectangle(ratio):
 def test_a_figure_may_turn_grow_and_have_holes_and_pieces():
     ell = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 4], [0, 4]], float)
     expected = best_overlap(ell)
-    for angle, scale, mirrored in ((0.3, 1, 1), (1.9, 30, 1), (4, 0.01, -1)):
+    for angle, scale, mirrored in ((4, 0.01, -1), *LONG * ((0.3, 1, 1), (1.9, 30, 1))):
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         found = best_overlap(ell * (mirrored, 1) @ turn * scale + 5)
         assert found.iou == pytest.approx(expected.iou, abs=0.01)

@@ -110,7 +110,8 @@ def advice(monkeypatch, thing, turn=(0.0, 0.0, 0.0), force=2.0, shift=0.0):
 
 @pytest.mark.ros
 @pytest.mark.parametrize(('name', 'turn', 'force'), [
-    (name, turn, FORCES[(row + column) % 2]) for row, name in enumerate(FACES) for column, turn in enumerate(TURNS)])
+    pytest.param(name, turn, FORCES[(row + column) % 2], marks=() if row == column else pytest.mark.long)
+    for row, name in enumerate(FACES) for column, turn in enumerate(TURNS)])
 def test_oblique_faces_are_laid_flat_on_the_pads(name, force, turn, monkeypatch):
     """The gripper holds a tilted prism by friction. Opposite edges of the prism touch the left and the right pad.
 
@@ -124,7 +125,7 @@ def test_oblique_faces_are_laid_flat_on_the_pads(name, force, turn, monkeypatch)
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize('force', FORCES)
+@pytest.mark.parametrize('force', [FORCES[1], pytest.param(FORCES[0], marks=pytest.mark.long)])
 def test_flat_faces_are_not_tilted_and_ball_ends_along_their_line(force, monkeypatch):
     for name, sizes in FACES.items():
         found, grasp = advice(monkeypatch, Thing(Contact(name, sizes, x=0.0, y=0.0), length=0.05), force=force)
@@ -149,8 +150,8 @@ def test_oblique_faces_that_the_edge_of_a_pad_cuts_are_not_tilted(monkeypatch):
 @pytest.mark.ros
 def test_from_random_starts_the_contacts_come_to_oppose():
     """`bench/bench_planner.py` runs 50 of these random starts."""
-    found = bench_planner.runs(4)
-    assert sum(bench_planner.opposes(run.before) for run in found) <= 1
+    found = bench_planner.runs(2)
+    assert not any(bench_planner.opposes(run.before) for run in found)
     assert [run.is_right for run in found] == [True] * len(found)
 
 
@@ -158,7 +159,7 @@ def test_from_random_starts_the_contacts_come_to_oppose():
 @pytest.mark.ros
 @pytest.mark.parametrize(('fault', 'reason'), [
     ('misses a pad', Reason.NO_DECISION), ('nothing there', Reason.EMPTY), ('a pad is silent', Reason.NOT_SEEN),
-    ('half a pad is hidden', Reason.NO_DECISION)])
+    pytest.param('half a pad is hidden', Reason.NO_DECISION, marks=pytest.mark.long)])
 def test_the_loop_gives_up_without_a_squeeze_if_no_move_helps(fault, reason):
     run = bench_planner.Simulation(bench_planner.SEED + 500, 'circle', fault, patience=1.5).run()
     assert not run.is_done and run.reason is reason

@@ -59,6 +59,7 @@ def whole():
     return report_of(SESSION, bit_rate=1_000_000)
 
 
+@pytest.mark.slow
 def test_touches_of_a_session_with_their_size(whole):
     """The five shapes are pressed one after another, each on 60 taxels of 2 mm pitch.
 

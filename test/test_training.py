@@ -85,6 +85,7 @@ def test_contacts_that_are_seen_in_part_keep_the_label_of_the_whole(on_off):
     assert 0.3 < (hidden_beside.sum((1, 2)) > 3).mean() < 1, 'most must miss taxels in or near the contact, not all'
 
 
+@pytest.mark.slow
 def test_samples_of_another_code_are_not_read(tmp_path):
     claim(tmp_path / 'samples')
     (tmp_path / 'samples' / 'on_off_bulk_0.npz').touch()

@@ -9,10 +9,14 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack
+from math import sqrt
 from pathlib import Path
 
 import documented_commands as documented
 import pytest
+from ros_bench import RosBench
+
+from tactile_skin.msg import ContactShape
 
 ROOT = Path(__file__).resolve().parents[1]
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
@@ -21,16 +25,16 @@ SHAPES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle
 TIMEOUT = 60.0  # Time limit on a busy machine [s].
 
 
-def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL) -> subprocess.Popen:
+def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL, *, more=()) -> subprocess.Popen:
     """Start the page's command that begins with ``beginning``, and put its link in a folder of this test.
 
-    Closing ``stack`` ends the started process.
+    The words in ``more`` follow those of the page. Closing ``stack`` ends the started process.
     """
     text, = (each.text for each in documented.commands_of((ROOT / page).read_text(encoding='utf-8'), page)
              if each.text.startswith(beginning) and not each.in_sentence)
     program, *words = shlex.split(text.replace('/tmp/skin', str(link)))
     module = ['-m', 'tactile_node.cli.main'] if program == 'tactile' else []
-    process = subprocess.Popen([sys.executable, *module, *words], cwd=ROOT, text=True, stdout=subprocess.PIPE,
+    process = subprocess.Popen([sys.executable, *module, *words, *more], cwd=ROOT, text=True, stdout=subprocess.PIPE,
                                stderr=subprocess.DEVNULL)
 
     def end() -> None:
@@ -41,16 +45,31 @@ def started(stack: ExitStack, beginning: str, link: Path, page: str = TUTORIAL) 
     return process
 
 
-def test_a_newcomer_gets_a_shape_on_a_topic(tmp_path):
-    link = tmp_path / 'skin'
+@pytest.fixture(scope='module')
+def parent():
+    """A process with which the driver and the perception end."""
+    process = subprocess.Popen(['sleep', '1000'])
+    yield process
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture(scope='module')
+def bringup(parent, tmp_path_factory):
+    """The driver and the perception of a simulated skin, as started in the tutorial."""
+    link = tmp_path_factory.mktemp('tutorial') / 'skin'
     with ExitStack() as stack:
         started(stack, 'tactile simulate', link)
         deadline = time.monotonic() + TIMEOUT
         while not link.is_symlink():
             assert time.monotonic() < deadline
             time.sleep(0.02)
-        started(stack, 'tactile bringup', link)
-        listener = started(stack, 'python examples/shape_listener.py', link)
+        yield started(stack, 'tactile bringup', link, more=['--end-with', str(parent.pid)])
+
+
+def test_a_newcomer_gets_a_shape_on_a_topic(bringup, tmp_path):
+    with ExitStack() as stack:
+        listener = started(stack, 'python examples/shape_listener.py', tmp_path)
         seen = ''
         for line in listener.stdout:
             seen += line
@@ -59,6 +78,31 @@ def test_a_newcomer_gets_a_shape_on_a_topic(tmp_path):
     name, confidence, rest = seen.splitlines()[-1].split(maxsplit=2)
     assert name in SHAPES
     assert 50 < int(confidence) <= 100 and rest.startswith('%') and 'mm' in rest
+
+
+def test_the_force_on_a_simulated_skin_has_a_standard_deviation(bringup, ros):
+    """The standard deviation of a taxel is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels.
+
+    Taxels near the press threshold increase the standard deviation of the force. The test therefore waits for ten
+    messages with nearly the expected standard deviation.
+    """
+    bench, ratios = RosBench(ros), []
+    of_taxel = 0.005 * 100e3 * 0.002**2
+
+    def take(shape):
+        if shape.fit_valid and shape.held.sec:
+            ratios.append(shape.force_sd / (of_taxel * sqrt(shape.taxels)))
+    bench.add('reader').create_subscription(ContactShape, '/pad/shape', take, 10)
+    bench.until(lambda: sum(ratio < 1.5 for ratio in ratios) >= 10)
+    assert min(ratios) > 0.7
+
+
+def test_the_driver_ends_with_the_process_that_is_named(bringup, parent):
+    """This test is the last one that uses the process."""
+    assert bringup.poll() is None
+    parent.kill()
+    parent.wait()
+    assert bringup.wait(TIMEOUT) == 0
 
 
 def test_a_planner_waits_for_a_grasp(tmp_path):

@@ -35,6 +35,9 @@ _KEYS = {key.lower(): key for key in (
     'Denotation', 'Factor', 'Unit', 'Description', 'SupportedObjects', 'NrOfEntries')}
 _TITLES = {'deviceinfo': 'DeviceInfo', 'fileinfo': 'FileInfo'}
 _PLAIN_TYPES = ('0x7', '0x07', '7', '0x2', '0x02', '2')  # VAR and DOMAIN, which hold a value themselves
+#: Number of EDS files that stay in memory. `tactile scan` reads all files of config/ in turn, and a smaller cache would
+#: drop each file before its next use.
+CACHED_FILES = 16
 _REMEDY = "Use the device maker's EDS, or correct this one (CiA 306)."
 _import_eds: Callable[[StringIO, int], ObjectDictionary] = import_eds  # canopen has no type annotations
 
@@ -73,7 +76,7 @@ def load_eds(path: str | Path, node_id: int) -> ObjectDictionary:
 
 # The dictionary is cached as a pickle, because callers may change their copy. Reading the EDS again would take ten
 # times as long.
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=CACHED_FILES)
 def _pickled(path: Path, text: str, node_id: int) -> bytes:
     """Return the pickled object dictionary of the EDS content ``text``. Raises ConfigurationError."""
     checked = _checked(path, text)
@@ -83,7 +86,7 @@ def _pickled(path: Path, text: str, node_id: int) -> bytes:
         _refuse(path, 'an EDS that canopen can read', f'{type(error).__name__}: {error}'.replace('\n', ' '))
 
 
-@lru_cache(maxsize=8)  # cached, because several nodes share an EDS and one check takes 0.1 s
+@lru_cache(maxsize=CACHED_FILES)  # several nodes share an EDS, and one check takes 0.1 s
 def _checked(path: Path, text: str) -> str:
     """Rewrite the EDS content ``text`` in a form that canopen can read. Raises ConfigurationError."""
     checked = StringIO()
