@@ -93,8 +93,9 @@ test: setup messages  ## run all checks of the project, and print how long they 
 messages: setup
 	@$(BIN)/python test/built_messages.py tf2_msgs control_msgs
 
-# Each line of output begins with its lane. With exec, the tests receive the signal that ends make. Each lane imports the
-# test files that may contain one of its tests, which takes 10 s, so there are only enough lanes to keep both cores busy.
+# Each line of output begins with its lane. With exec, the tests receive the signal that ends make. Each lane imports
+# the test files that may contain one of its tests, which takes 10 s, so there are only enough lanes to keep both cores
+# busy.
 REAL_TIME_LANES := lane-real-1 lane-real-2 lane-real-3
 FAST_LANES := lane-fast-1 lane-fast-2
 COMPUTING_LANES := lint lane-computing-1 lane-computing-2
