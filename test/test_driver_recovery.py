@@ -24,7 +24,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
 from tactile_node.bus import message_pace
-from tactile_node.bus.message_pace import FIRST_REMINDER
+from tactile_node.bus.change_pace import FIRST_REMINDER
 from tactile_node.cli.main import main
 from tactile_node.nodes import driver_node, tare_client
 from tactile_node.nodes.lifecycle_steps import WAITING

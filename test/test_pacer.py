@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_node.bus.message_pace import EARLY_ROUND, MOST_STATES, STATE_PERIOD, ChangePace
+from tactile_node.bus.change_pace import EARLY_ROUND, MOST_STATES, STATE_PERIOD, ChangePace
 from tactile_node.bus.threads import Schedule
 
 

@@ -11,7 +11,7 @@ from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 
 from tactile_node.bus.domain_polling import check_domain
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.bus.own_sdo import explain_refusal
 from tactile_node.cia301 import objects
 from tactile_node.cia301.heartbeat import Heartbeats
@@ -116,7 +116,7 @@ class DeviceSetup:
         return DeviceAsSet(heartbeat_ms=heartbeat)
 
     def _wait_for_device(self, timeout: float) -> None:
-        begun, reminder = time.monotonic(), Reminder()
+        begun, throttle = time.monotonic(), LogThrottle()
         while True:
             self._check_interrupt()
             try:
@@ -132,7 +132,7 @@ class DeviceSetup:
                                        'lists the nodes of a bus.')
             if now - begun >= timeout:
                 raise absent
-            if reminder.is_due(self._label, now):
+            if throttle.is_due(self._label, now):
                 logger.info('Waiting for %s to answer by SDO: %s so far.', self._label, absent.got,
                             extra={'fact': absent})
 

@@ -12,7 +12,7 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from canopen.sdo import SdoClient
 
 from tactile_node.assembly.health import BusFault
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.bus.threads import Pacer
 from tactile_node.errors import BusError, DeviceError
 from tactile_node.skin.layout import DomainLayout
@@ -122,7 +122,7 @@ class DomainPolling(Pacer):
         self._label = label
         self._open_sdo = open_sdo
         self._on_failure = on_failure
-        self._reminder = Reminder()
+        self._throttle = LogThrottle()
         self.by_block = True  #: True for block uploads, False for segmented uploads
 
     def _poll(self) -> None:
@@ -133,7 +133,7 @@ class DomainPolling(Pacer):
                 sdo.RESPONSE_TIMEOUT = 0.1
                 upload(sdo, self._domain, self.by_block)
         except (SdoAbortedError, SdoCommunicationError) as error:
-            if self._reminder.is_due(str(error), time.monotonic()):
+            if self._throttle.is_due(str(error), time.monotonic()):
                 logger.error('%s: the taxels could not be read: %s', self._label, error, extra={'fact': error})
         except BusError as error:
             self._on_failure(BusFault.SENDING_FAILED, error)

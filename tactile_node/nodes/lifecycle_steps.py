@@ -14,7 +14,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.errors import DeviceError, TactileError
 from tactile_node.ros.rosout_handler import PACKAGE_LOGGER, RosoutHandler
 
@@ -54,10 +54,10 @@ class LifecycleSteps:
         waits_for : tuple of error types
             Errors after which the caller retries the step.
         """
-        reminders: defaultdict[str, Reminder] = defaultdict(Reminder)
+        throttles: defaultdict[str, LogThrottle] = defaultdict(LogThrottle)
 
         def is_due(record: logging.LogRecord) -> bool:
-            return reminders[record.getMessage()].is_due(record.getMessage(), time.monotonic())
+            return throttles[record.getMessage()].is_due(record.getMessage(), time.monotonic())
         package = logging.getLogger(PACKAGE_LOGGER)
         forwarding = next(each for each in package.handlers if isinstance(each, RosoutHandler))
         forwarding.addFilter(is_due)

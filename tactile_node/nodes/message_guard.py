@@ -10,7 +10,7 @@ from typing import Any, Generic, Protocol, TypeAlias, TypeGuard
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
 from tactile_node.ros.message_checks import Check, Message, RejectReason
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
@@ -81,7 +81,7 @@ class MessageGuard(Generic[Message]):
         self._received = 0
         self._processed = 0
         self._dropped: Counter[RejectReason] = Counter()
-        self._reminders: defaultdict[RejectReason, Reminder] = defaultdict(Reminder)
+        self._throttles: defaultdict[RejectReason, LogThrottle] = defaultdict(LogThrottle)
         self._kind_is_of_chain = all(hasattr(kind, field) for field in ('header', 'age', 'sequence'))
         self._stamps = None if is_lossless(qos) else StampGuard()
         self._sources = None if is_lossless(qos) else SourceGuard()
@@ -219,7 +219,7 @@ class MessageGuard(Generic[Message]):
 
     def _drop(self, reason: RejectReason, error: Exception | None = None) -> None:
         self._dropped[reason] += 1
-        if self._reminders[reason].is_due(reason.key, self._steady()):
+        if self._throttles[reason].is_due(reason.key, self._steady()):
             logger.warning('message on %s dropped: %s (%d so far)', self._topic, reason.key, self._dropped[reason],
                            exc_info=error, extra=of_node(self._node))
 

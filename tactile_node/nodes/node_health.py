@@ -11,7 +11,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.ros.message_age import use_stamps
 from tactile_node.ros.message_health import (
     MessageCounts,
@@ -124,7 +124,7 @@ def start_health_timer(node: Node, publish: Callable[[], None], period: float = 
     period : float
         Time between two calls [s].
     """
-    reminder = Reminder()
+    throttle = LogThrottle()
 
     def report() -> None:
         try:
@@ -132,6 +132,6 @@ def start_health_timer(node: Node, publish: Callable[[], None], period: float = 
         except Exception:
             if not node.context.ok():  # the process is ending, and can no longer publish anything
                 raise
-            if reminder.is_due('health', time.monotonic()):
+            if throttle.is_due('health', time.monotonic()):
                 logger.exception('the health of the node could not be published', extra=of_node(node))
     node.create_timer(period, report, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import FrameTree
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening
@@ -116,7 +116,7 @@ class MeasuredOpening:
                  steady: Callable[[], float]):
         self._node, self._remedy, self._steady = node, remedy, steady
         self.subscriptions = subscriptions
-        self._reminder = Reminder()
+        self._throttle = LogThrottle()
         self._before = total(())
         publish_status(node, self._status)
 
@@ -127,8 +127,8 @@ class MeasuredOpening:
     def _status(self) -> DiagnosticStatus:
         current, name = self.current(), self._node.get_fully_qualified_name()
         if not math.isnan(current.gap):
-            self._reminder.reset()
-        elif self._reminder.is_due('unknown', self._steady()):
+            self._throttle.reset()
+        elif self._throttle.is_due('unknown', self._steady()):
             logger.warning('the opening of the gripper is not known: %s', why_not_known(current, self._remedy),
                            extra=of_node(self._node))
         before, self._before = self._before, total(subscription.counts for subscription in self.subscriptions)

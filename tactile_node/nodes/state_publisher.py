@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 from tactile_node.assembly.fault_text import failure_of
 from tactile_node.assembly.frame_source import BusStatistics, FrameSource
 from tactile_node.assembly.health import BusHealth
-from tactile_node.bus.message_pace import ChangePace
+from tactile_node.bus.change_pace import ChangePace
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.errors import TactileError
 from tactile_node.nodes.ticker import Ticker

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.bus.threads import Pacer
 from tactile_node.ros.rosout_handler import of_node
 
@@ -33,7 +33,7 @@ class Ticker:
 
     def __init__(self, node: Node, period: float, call: Callable[[], None]):
         self._node, self._call = node, call
-        self._reminder = Reminder()
+        self._throttle = LogThrottle()
         self._pacer = Pacer(period, self._tick, f'{node.get_name()} ticks', on_death=lambda error: None)
         self._pacer.start()
 
@@ -45,5 +45,5 @@ class Ticker:
         try:
             self._call()
         except Exception:
-            if self._node.context.ok() and self._reminder.is_due('tick', time.monotonic()):
+            if self._node.context.ok() and self._throttle.is_due('tick', time.monotonic()):
                 logger.exception('a periodic call has failed', extra=of_node(self._node))

@@ -10,7 +10,7 @@ from tactile_node.assembly.health import Overload, SyncFault, SyncState
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.load import MOST_LOAD, planned_load
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.skin.pads import LivePad
 
 logger = logging.getLogger(__name__)
@@ -182,9 +182,9 @@ class BusWatch:
         self.sync = SyncWatch(settings.produce_sync, settings.sync_period)
         self.overload = OverloadWatch(put, data_timeout / 2)
         self._commands_reported = 0
-        self._command_reminder = Reminder()
-        self._sync_reminder = Reminder()
-        self._overload_reminder = Reminder()
+        self._command_reminder = LogThrottle()
+        self._sync_reminder = LogThrottle()
+        self._overload_reminder = LogThrottle()
 
     def opened(self) -> None:
         """Log a warning at the first opening of the bus if the planned bus load is high."""

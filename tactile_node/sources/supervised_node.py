@@ -6,7 +6,7 @@ import time
 from tactile_node.assembly.fault_text import emergency_text, failure_text, node_label, node_text, reaction_text
 from tactile_node.assembly.frame_source import PadStatistics
 from tactile_node.assembly.health import Failure, NodeFault, NodeHealth
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import (
     BusError,
@@ -50,9 +50,9 @@ class SupervisedNode:
         self._state = NodeState()
         self._actions: tuple[Action, ...] = ()  # actions that are due since the last event
         self._emergencies_reported = 0
-        self._emergency_reminder = Reminder()
-        self._fault_reminder = Reminder()
-        self._retry_reminder = Reminder()
+        self._emergency_reminder = LogThrottle()
+        self._fault_reminder = LogThrottle()
+        self._retry_reminder = LogThrottle()
 
     def health(self, now: float) -> NodeHealth:
         return self.monitor.health(now, self._state)

@@ -18,7 +18,7 @@ from tactile_node.assembly.frame_source import BusStatistics, OnFrame
 from tactile_node.assembly.health import BusHealth, Failure, Outages
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.bus.message_pace import Reminder
+from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.chain import Chain
 from tactile_node.errors import BusError, LogError
@@ -78,7 +78,7 @@ class Supervisor:
         self._watch = BusWatch(settings, pads, self.monitor, self._bus.traffic.put, data_timeout=timeouts[1])
         self._outages: Outages[Failure] = Outages()  # outages of the bus
         self._retries = Retries()  # attempts to reopen the bus
-        self._reminder = Reminder()
+        self._throttle = LogThrottle()
         self._received_then = 0  # number of CAN frames received before the bus was reopened
         self._silent_since: float | None = None  # time of the disconnection, after which no SYNC was sent
         self._is_configured = False
@@ -259,7 +259,7 @@ class Supervisor:
                 self._bus.resume(int((time.monotonic() - self._silent_since) / self._settings.sync_period))
                 self._silent_since = None
         except (BusError, LogError) as error:
-            if self._reminder.is_due(str(error), time.monotonic()):
+            if self._throttle.is_due(str(error), time.monotonic()):
                 logger.error('Waiting for the CAN bus: %s', error, extra={'fact': error})
             return
         for node in self._nodes:

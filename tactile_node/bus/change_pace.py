@@ -1,45 +1,7 @@
-"""Limit how often a message is sent.
-
-`Reminder` allows repeated log messages only at increasing intervals. `ChangePace` allows a state to be published when
-it changes, and otherwise once per period.
-"""
+"""Limit how often a state is published."""
 
 from collections import deque
 from collections.abc import Hashable
-
-FIRST_REMINDER = 2.0  #: Time between the first and the second message of a kind [s].
-LAST_REMINDER = 60.0  #: Longest time between two messages of one kind [s].
-
-
-class Reminder:
-    """Allows the first message of a kind immediately, and repetitions at intervals that double each time."""
-
-    def __init__(self) -> None:
-        self._kind = ''
-        self._due = 0.0
-        self._pause = FIRST_REMINDER
-
-    def is_due(self, kind: str, now: float) -> bool:
-        """Return True if a message of this kind must be sent now, and record it as sent.
-
-        Parameters
-        ----------
-        kind : str
-            Kind of the message. A message of a new kind is always due.
-        now : float
-            Present time on the steady clock [s].
-        """
-        if kind == self._kind and now < self._due:
-            return False
-        self._pause = min(2 * self._pause, LAST_REMINDER) if kind == self._kind else FIRST_REMINDER
-        self._kind = kind
-        self._due = now + self._pause
-        return True
-
-    def reset(self) -> None:
-        """Forget the last message, so that the next one is due immediately."""
-        self._kind = ''
-
 
 STATE_PERIOD = 1.0  #: Longest time between two publications of the state [s] (see REP-107).
 MOST_STATES = 20  #: Largest number of publications within any STATE_PERIOD.
