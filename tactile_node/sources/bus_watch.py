@@ -182,9 +182,9 @@ class BusWatch:
         self.sync = SyncWatch(settings.produce_sync, settings.sync_period)
         self.overload = OverloadWatch(put, data_timeout / 2)
         self._commands_reported = 0
-        self._command_reminder = LogThrottle()
-        self._sync_reminder = LogThrottle()
-        self._overload_reminder = LogThrottle()
+        self._command_throttle = LogThrottle()
+        self._sync_throttle = LogThrottle()
+        self._overload_throttle = LogThrottle()
 
     def opened(self) -> None:
         """Log a warning at the first opening of the bus if the planned bus load is high."""
@@ -201,7 +201,7 @@ class BusWatch:
             self.load = (bits - before) / self._bitrate / (now - begun)
             self._window = now, bits
         count, command = self._monitor.foreign_commands, self._monitor.last_command
-        if count != self._commands_reported and self._command_reminder.is_due('NMT', now):
+        if count != self._commands_reported and self._command_throttle.is_due('NMT', now):
             self._commands_reported = count
             logger.error('Another NMT master has sent a command: %s.', command_text(command), extra={'fact': command})
 
@@ -211,9 +211,9 @@ class BusWatch:
         if self._needs_sync:
             self.sync.update(now, is_active, received)
         sync, overload = self.sync.state, self.overload.update(now, statistics.queue_overruns)
-        if sync.fault.is_fault and self._sync_reminder.is_due(sync.fault.name, now):
+        if sync.fault.is_fault and self._sync_throttle.is_due(sync.fault.name, now):
             logger.error('%s.', sync_text(sync), extra={'fact': sync.fault})
-        if overload.is_fault and self._overload_reminder.is_due(overload.name, now):
+        if overload.is_fault and self._overload_throttle.is_due(overload.name, now):
             logger.error('This process is overloaded: %s.', overload.phrase, extra={'fact': overload})
         syncs = syncs_sent if self._is_producer else received
         return BusCounts(syncs, sync.foreign, self.overload.is_excused(now), self.overload.ran_again)

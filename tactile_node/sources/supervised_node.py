@@ -50,9 +50,9 @@ class SupervisedNode:
         self._state = NodeState()
         self._actions: tuple[Action, ...] = ()  # actions that are due since the last event
         self._emergencies_reported = 0
-        self._emergency_reminder = LogThrottle()
-        self._fault_reminder = LogThrottle()
-        self._retry_reminder = LogThrottle()
+        self._emergency_throttle = LogThrottle()
+        self._fault_throttle = LogThrottle()
+        self._retry_throttle = LogThrottle()
 
     def health(self, now: float) -> NodeHealth:
         return self.monitor.health(now, self._state)
@@ -109,8 +109,8 @@ class SupervisedNode:
                         state.outages.seconds - before.outages.seconds, failure_text(state.outages.cause))
         if state.retried is NodeFault.NONE:
             self.monitor.device_errors = None
-            self._fault_reminder.reset()
-        if state.fault in RECOVERY and self._fault_reminder.is_due(state.fault.name, now):
+            self._fault_throttle.reset()
+        if state.fault in RECOVERY and self._fault_throttle.is_due(state.fault.name, now):
             reaction = f' {reaction_text(state.fault)}' if self._recover else ''
             logger.error('%s%s', node_text(self.pad, self.health(now)), reaction, extra={'fact': state.fault})
         return self._recover and bool(self._actions)
@@ -125,14 +125,14 @@ class SupervisedNode:
             pass
         except TwoDevicesError as error:
             self.monitor.traffic.see_two(time.monotonic())
-            if self._retry_reminder.is_due(type(error).__name__, time.monotonic()):
+            if self._retry_throttle.is_due(type(error).__name__, time.monotonic()):
                 logger.error('%s', error, extra={'fact': error})
         except (DeviceError, BusError) as error:
             if isinstance(error, UnverifiedDeviceError):
                 self.monitor.distrust()
             self.monitor.refuses_check = isinstance(error, DeviceError) and is_sending
             is_news = self._state.fault is not NodeFault.SILENT
-            if is_news and self._retry_reminder.is_due(str(error), time.monotonic()):
+            if is_news and self._retry_throttle.is_due(str(error), time.monotonic()):
                 logger.error('Waiting for node %d: %s', self.node_id, error, extra={'fact': error})
         self.handle(NodeEvent.ATTEMPTED, time.monotonic())
 
@@ -161,6 +161,6 @@ class SupervisedNode:
 
     def _log_emergency(self, now: float) -> None:
         health = self.health(now)
-        if health.emergencies != self._emergencies_reported and self._emergency_reminder.is_due('EMCY', now):
+        if health.emergencies != self._emergencies_reported and self._emergency_throttle.is_due('EMCY', now):
             self._emergencies_reported = health.emergencies
             logger.error('%s', emergency_text(self.pad, health), extra={'fact': health.last_emergency})
