@@ -15,44 +15,47 @@ Terms:
 
 Each node of the pad is in one of two states:
 
-                a period without a TPDO; a possible tail that no other run follows; a changed order; an outage
-      IN STEP ------------------------------------------------------------------------------------> OUT OF STEP
-         ^                                                                                               |
-         '------------------ the only run of a period, which began after a free bus; NMT start ----------'
+      IN STEP -- SYNC before the last rank was received: 1 sweep behind; a changed order: unknown ----> BEHIND
+         ^                                                                                                |
+         '-- a further run in the same period: 1 less; a free bus before the only run, or NMT start: 0 ---'
 
-The assembler drops every TPDO that may answer another SYNC:
+Of a node that is behind, the assembler knows only how many sweeps it may be behind at most. The assembler drops every
+TPDO that may answer another SYNC:
 
- 1. In step, a run answers the last SYNC. The assembler adds its TPDOs to the sweep of that SYNC.
+ 1. If a node is in step, its run answers the last SYNC. The assembler adds the TPDOs to the sweep of that SYNC.
 
- 2. If a node in step has not sent its last rank when the next SYNC is sent, the node owes a *tail*. The assembler holds
-    the first TPDOs of the next period if their ranks are above the last rank. As soon as the node begins its next run,
-    the held TPDOs can only be the tail, and the assembler adds them to the sweep before. If the node begins no other
-    run before the next SYNC, nothing shows which sweep the held TPDOs belong to. They are lost (LATE).
+ 2. If a node has not sent its last rank when the next SYNC is sent, the node may be one more sweep behind. The assembler
+    then holds the TPDOs of the node. When the node begins a further run in the same period, the held TPDOs belong to an
+    earlier sweep, and the node is one sweep less behind. After n silent periods, n runs are therefore lost (LATE) if
+    they arrive within one period.
 
- 3. Out of step, all TPDOs of a node are lost (LATE). If the bus was free before the first run of a period, no answer to
-    an earlier SYNC can arrive (``FreeBus``, ``settle``). This run answers the last SYNC, unless a second run follows in
-    the same period. In that case an adapter has held frames back, and both runs are lost. The assembler therefore holds
-    the TPDOs of the run until the next SYNC.
+ 3. If the node was in step and was sending when the SYNC was sent, it owes only the *tail* of its sweep, above the last
+    rank. The assembler adds the held TPDOs to the sweep before as soon as the node begins its next run.
 
- 4. If a node in step begins a second run in one period and repeats a rank, a SYNC was lost. All TPDOs of the pad are
-    lost (LATE) until the next SYNC. If no rank is repeated, the order of the TPDOs was changed (OUT_OF_ORDER). The TPDOs
-    of the pad are lost until the next SYNC, and the node is out of step.
+ 4. TPDOs that are still held at the next SYNC are lost (LATE), because nothing shows which SYNC they answer. There is
+    one exception. If the bus was free before the run, no answer to an earlier SYNC can arrive (``FreeBus``,
+    ``settle``), and the run answers the last SYNC. If a second run arrives in the same period, an adapter has held
+    frames back, and this conclusion was wrong.
 
- 5. A TPDO that repeats the previous TPDO byte for byte is a DUPLICATE and changes nothing.
+ 5. If a node in step begins a second run in one period and repeats a rank, a SYNC was lost. All TPDOs of the pad are
+    then LATE until the next SYNC. If the node repeats no rank, the order of its TPDOs was changed. The TPDOs of the pad
+    received so far are lost (OUT_OF_ORDER), and the node is behind by an unknown number of sweeps.
 
- 6. When a sweep is complete, the assembler emits the frame immediately. Further TPDOs in that period are SURPLUS.
+ 6. A TPDO that repeats the previous TPDO byte for byte is a DUPLICATE and changes nothing.
 
- 7. In an incomplete frame, the taxels that were not received are NaN and STALE. An incomplete frame is emitted, or
-    withheld (``drop_incomplete``), at the first SYNC after which no node owes a tail, or when the last tail has arrived.
+ 7. When a sweep is complete, the assembler emits the frame immediately. Further TPDOs in that period are SURPLUS.
 
- 8. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC is then a part of the tail,
-    or is lost (LATE). Even a driver that lags behind its bus therefore never stamps taxels too late.
+ 8. In an incomplete frame, the taxels that were not received are NaN and STALE. The assembler emits an incomplete frame,
+    or withholds it (``drop_incomplete``), at the next SYNC, or as soon as no node owes a tail any more.
 
- 9. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
+ 9. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC is then a part of the tail,
+    or is LATE. Even a driver that lags behind its bus therefore never stamps taxels too late.
+
+10. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
     that period are not published: they are LATE.
 
-While a node that is out of step sends TPDOs (``is_in_doubt``), the SYNC producer skips SYNCs, so that the bus becomes
-free.
+A node is in doubt (``is_in_doubt``) if its last period ended with held TPDOs that were lost. The SYNC producer then
+skips SYNCs, so that the bus becomes free.
 
 Limits:
 

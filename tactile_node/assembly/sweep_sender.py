@@ -1,4 +1,4 @@
-"""Count the sweeps that one node may still owe. The module ``assembler`` states the rules."""
+"""Count how many sweeps one node may be behind. The module ``assembler`` states the rules."""
 
 from collections.abc import Sequence
 from math import inf
@@ -15,11 +15,11 @@ class SweepSender:
     Attributes
     ----------
     behind : float
-        Largest number of earlier sweeps of which TPDOs may still arrive; inf if unknown. A node is in step if it is 0.
+        Largest number of earlier sweeps whose TPDOs may still arrive; inf if unknown. The node is in step if it is 0.
     owes_tail : bool
-        True if only the end of the previous sweep may still arrive, after the rank ``last``.
+        True if, of all earlier sweeps, only the end of the previous one may still arrive, after the rank ``last``.
     last : int
-        Rank received last, or -1 if the next TPDO begins a run in any case.
+        Rank received last, or -1 before the first TPDO of a run.
     held : dict
         TPDOs of the present run, by rank, while the SYNC that they answer is not known.
     received : list of int
@@ -55,8 +55,11 @@ class SweepSender:
             self._was_started = True
 
     def settle(self) -> None:
-        """Record that a free bus has proved that no answer to an earlier SYNC can arrive."""
-        if not self.received:
+        """Record that a free bus has proved that no answer to an earlier SYNC can begin.
+
+        A tail is unaffected, because the beginning of the next run shows where the tail belongs.
+        """
+        if not self.received and not self.owes_tail:
             self._is_proved = True
             self.is_in_doubt = False
 
