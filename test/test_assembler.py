@@ -274,11 +274,11 @@ def test_a_bus_that_is_free_when_an_answer_is_due_proves_that_there_is_none(take
     for stamp in (0.98, 1.0):
         bus.sync(stamp)
     if taken is not None:
-        bus.take(taken)
+        bus.saw_tpdo(taken)
     for stamp in foreign:
-        bus.occupy(stamp)
+        bus.saw_other(stamp)
     bus.sync(1.02)
-    assert bus.proves(until) == is_over
+    assert bus.nothing_pending(until) == is_over
 
 
 def test_a_bus_that_seemed_free_because_the_adapter_was_held_up_gives_no_wrong_stamp(assembler):

@@ -78,6 +78,7 @@ from tactile_node.assembly.health import TpdoOrder
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.assembly.sweep import Sweep
 from tactile_node.assembly.sweep_sender import SweepSender
+from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
 
 #: Largest delay of a SYNC after its stamp [s]. Serial adapters take up to 16 ms to confirm that a SYNC was
@@ -160,8 +161,7 @@ class FrameAssembler(PadAssembler):
         frames = self._end_sweep()
         self._sequence += 1
         self._syncs += 1
-        self._sweep = Sweep(self._sequence, timestamp, len(self._names))
-        self._sweep.is_discarded = late > MOST_LATE
+        self._sweep = Sweep(self._sequence, timestamp, len(self._names), is_discarded=late > MOST_LATE)
         return frames
 
     def end_period(self) -> Frames:
@@ -204,7 +204,7 @@ class FrameAssembler(PadAssembler):
         elif node.behind:
             node.held[rank] = data
         else:
-            sweep.add(rank, data)
+            sweep.tpdos[rank] = data
         return frames if sweep.missing else frames + self._emit(sweep)
 
     def _feed_earlier(self, node: SweepSender, rank: int, data: bytes, timestamp: float) -> Frames:
@@ -224,7 +224,7 @@ class FrameAssembler(PadAssembler):
         elif (wrong := self._wrong_length(rank, data)) is not None:
             self._lose(wrong)
         else:
-            before.add(rank, data)
+            before.tpdos[rank] = data
         return self._close_settled()
 
     def _begin_run(self, sweep: Sweep, node: SweepSender, rank: int) -> Frames:
@@ -247,8 +247,7 @@ class FrameAssembler(PadAssembler):
         held, node.held = node.held, {}
         if sweep is None or sweep.is_closed:
             return self._lose(LossReason.OUT_OF_ORDER if node.order else LossReason.LATE, len(held))
-        for rank, data in held.items():
-            sweep.add(rank, data)
+        sweep.tpdos |= held
         return ()
 
     def _end_sweep(self) -> Frames:
@@ -275,8 +274,13 @@ class FrameAssembler(PadAssembler):
 
     def _emit(self, sweep: Sweep) -> Frames:
         sweep.is_emitted = True
-        self._fresh += sweep.fresh
-        return self._give(sweep.stamp, sweep.sequence, sweep.words, sweep.fresh)
+        payload = bytearray(MAX_PDO_BYTES * len(self._names))
+        fresh = np.zeros(len(self._names), bool)
+        for rank, data in sweep.tpdos.items():
+            payload[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
+        fresh[list(sweep.tpdos)] = True
+        self._fresh += fresh
+        return self._give(sweep.stamp, sweep.sequence, payload, fresh)
 
     def _restart_nodes(self, behind: float = 0) -> None:
         for node in self._nodes.values():
@@ -290,4 +294,4 @@ class FrameAssembler(PadAssembler):
 
     def _pending(self) -> int:
         open_sweeps = (sweep for sweep in (self._before, self._sweep) if sweep is not None and not sweep.is_emitted)
-        return sum(sweep.used for sweep in open_sweeps) + sum(len(node.held) for node in self._nodes.values())
+        return sum(len(sweep.tpdos) for sweep in open_sweeps) + sum(len(node.held) for node in self._nodes.values())
