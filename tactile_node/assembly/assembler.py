@@ -15,19 +15,20 @@ Terms:
 
 Each node of the pad is in one of two states:
 
-      IN STEP -- SYNC before the last rank was received: 1 sweep behind; a changed order: unknown ----> BEHIND
+                                           each SYNC before the last rank: 1 more
+      IN STEP -- SYNC before the last rank: 1 sweep; changed order: unknown number -------------------> BEHIND
          ^                                                                                                |
-         '-- a further run in the same period: 1 less; a free bus before the only run, or NMT start: 0 ---'
+         '-- further run in one period: 1 less, until 0; free bus before the only run, or NMT start: 0 ---'
 
-Of a node that is behind, the assembler knows only how many sweeps it may be behind at most. The assembler drops every
-TPDO that may answer another SYNC:
+For a node that is behind, the assembler knows only the largest number of sweeps that may still be on their way. The
+assembler drops every TPDO that may answer another SYNC:
 
  1. If a node is in step, its run answers the last SYNC. The assembler adds the TPDOs to the sweep of that SYNC.
 
- 2. If a node has not sent its last rank when the next SYNC is sent, the node may be one more sweep behind. The assembler
-    then holds the TPDOs of the node. When the node begins a further run in the same period, the held TPDOs belong to an
-    earlier sweep, and the node is one sweep less behind. After n silent periods, n runs are therefore lost (LATE) if
-    they arrive within one period.
+ 2. If a node has not sent its last rank when the next SYNC is sent, the node may be one more sweep behind. The
+    assembler then holds the TPDOs of the node. When the node begins a further run in the same period, the held TPDOs
+    belong to an earlier sweep, and the node is one sweep less behind. After n silent periods, n runs are therefore lost
+    (LATE) if they arrive within one period.
 
  3. If the node was in step and was sending when the SYNC was sent, it owes only the *tail* of its sweep, above the last
     rank. The assembler adds the held TPDOs to the sweep before as soon as the node begins its next run.
@@ -45,8 +46,8 @@ TPDO that may answer another SYNC:
 
  7. When a sweep is complete, the assembler emits the frame immediately. Further TPDOs in that period are SURPLUS.
 
- 8. In an incomplete frame, the taxels that were not received are NaN and STALE. The assembler emits an incomplete frame,
-    or withholds it (``drop_incomplete``), at the next SYNC, or as soon as no node owes a tail any more.
+ 8. In an incomplete frame, the taxels that were not received are NaN and STALE. The assembler emits an incomplete
+    frame, or withholds it (``drop_incomplete``), at the next SYNC, or as soon as no node owes a tail any more.
 
  9. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC is then a part of the tail,
     or is LATE. Even a driver that lags behind its bus therefore never stamps taxels too late.

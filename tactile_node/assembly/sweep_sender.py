@@ -103,16 +103,22 @@ class SweepSender:
         self._note_order()
         is_seen = bool(self.received)
         is_current = is_seen and (self._is_proved or not self.behind)
-        if is_current or self._was_started:
+        if is_current:
             self.behind = 0
-        if not is_seen and not self._was_started or is_seen and self.last < self.ranks[-1]:
+        if is_seen:
+            has_ended = self.last == self.ranks[-1]
+        else:
+            has_ended = self._was_started
+        if not has_ended:
             self.behind += 1
-        self.owes_tail = is_current and self.behind > 0
+        self.owes_tail = is_current and not has_ended
+        # a node that sends in another order stays behind, and a pause would not change that
         self.is_in_doubt = is_seen and not is_current and self.order is None
         if not self.owes_tail:
             self.last = -1
         self.received = []
-        self._is_proved = self._was_started = False
+        self._is_proved = False
+        self._was_started = False
         self._began_in_step = not self.behind
         return is_current
 
