@@ -138,7 +138,7 @@ class Router:
             self.bus.saw_tpdo(stamp)
         else:
             self.bus.saw_other(stamp)
-        if self.is_running or has_sync:  # pads with SYNC are fed even while the driver is inactive
+        if self.is_running or has_sync:  # pads without SYNC send even while the driver is inactive
             if frames := assembler.feed(can_id, data, stamp):
                 self._deliver(name, frames)
 
