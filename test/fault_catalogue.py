@@ -616,7 +616,7 @@ def tpdos_duplicated(bench: FaultBench) -> None:
 
 @fault()
 def tpdos_reordered(bench: FaultBench) -> None:
-    """Pairs of TPDOs arrive in the wrong order. The driver drops the earlier TPDO as out of order."""
+    """Pairs of TPDOs arrive in the wrong order. The driver drops the TPDOs of these sweeps as out of order."""
     held: list[can.Message] = []
 
     def exchange(message: can.Message) -> list[can.Message]:

@@ -106,9 +106,9 @@ def test_nothing_goes_back_to_a_period_in_which_a_sync_was_lost(assembler):
     assembler.sync(10.0)
     frame, torn = assembler.feed(0x181, bytes(2), 6.0)  # This CAN frame belongs to the sweep after the lost SYNC.
     assert np.isnan(frame.values).all() and torn == Loss(LossReason.LATE, 2)
-    feed(assembler, *SECOND, *SECOND, FIRST[0], at=12.0)
-    after, late = assembler.feed(*FIRST[1], 12.0)
-    assert late == Loss(LossReason.LATE, 2) and after.sequence == 1 and after.missing_can_frames == 0
+    assert feed(assembler, *SECOND, SECOND[0], at=12.0) == Loss(LossReason.LATE, 2)
+    after = feed(assembler, SECOND[1], *FIRST, at=12.0)
+    assert after.sequence == 1 and after.missing_can_frames == 0
 
 
 @pytest.mark.parametrize('second', [(), SECOND[:1], SECOND[1:]], ids=['all lost', 'end lost', 'begin lost'])

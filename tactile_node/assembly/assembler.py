@@ -11,59 +11,58 @@ Terms:
   - A *period* is the time between two SYNCs.
 
   - A *run* consists of TPDOs of one node in ascending rank. CAN preserves the order of each sender's frames, so each
-    sweep of a node arrives as one run.
+    sweep of a node arrives as one run. A TPDO whose rank is not above the last rank begins the next run.
 
-The assembler applies these rules to each node of the pad separately:
+Each node of the pad is in one of two states:
 
- 1. A taxel frame consists of one run from each node.
+                                           each SYNC before the last rank: 1 more
+      IN STEP -- SYNC before the last rank: 1 sweep; changed order: unknown number -------------------> BEHIND
+         ^                                                                                                |
+         '-- further run in one period: 1 less, until 0; free bus before the only run, or NMT start: 0 ---'
 
- 2. If the rank of a TPDO is not above the last rank, the TPDO begins the next run, and the previous run is lost. The
-    loss is counted as LATE if the previous run was suspect or already held that rank, and otherwise as OUT_OF_ORDER. A
-    TPDO that repeats the previous TPDO byte for byte is a DUPLICATE and changes nothing.
+For a node that is behind, the assembler knows only the largest number of sweeps that may still be on their way. The
+assembler drops every TPDO that may answer another SYNC:
 
- 3. A run is *suspect* while its node may be behind, because the run may then belong to an earlier period. If the
-    previous period ended in the middle of a sweep, the missing ranks may still arrive as a delayed tail. If the
-    previous period was silent, any ranks may arrive late.
+ 1. If a node is in step, its run answers the last SYNC. The assembler adds the TPDOs to the sweep of that SYNC.
 
-    - If a complete run follows before the next SYNC, the suspect run belongs to the previous period, and the assembler
-      moves it there. A suspect run that can only be the tail of a sweep is moved as soon as the next run begins,
-      because CAN preserves the order of each sender's frames. The assembler does not take this shortcut for
-      ORDER_MEMORY periods after it has seen a change of order (OUT_OF_ORDER).
+ 2. If a node has not sent its last rank when the next SYNC is sent, the node may be one more sweep behind. The
+    assembler then holds the TPDOs of the node. When the node begins a further run in the same period, the held TPDOs
+    belong to an earlier sweep, and the node is one sweep less behind. After n silent periods, n runs are therefore lost
+    (LATE) if they arrive within one period.
 
-    - If no complete run follows, the suspect run is lost (LATE), because nothing proves that it belongs to this period.
+ 3. If the node was in step and was sending when the SYNC was sent, it owes only the *tail* of its sweep, above the last
+    rank. The assembler adds the held TPDOs to the sweep before as soon as the node begins its next run.
 
-    - After n silent periods, n runs are therefore lost if they arrive within one period. If late runs arrive over
-      several periods, all runs are lost until a free bus proves that nothing is late (rule 8).
+ 4. TPDOs that are still held at the next SYNC are lost (LATE), because nothing shows which SYNC they answer. There is
+    one exception. If the bus was free before the run, no answer to an earlier SYNC can arrive (``FreeBus``,
+    ``settle``), and the run answers the last SYNC. If a second run arrives in the same period, an adapter has held
+    frames back, and this conclusion was wrong.
 
-    - A node that was just started (``start``) is not behind.
+ 5. If a node in step begins a second run in one period and repeats a rank, a SYNC was lost. All TPDOs of the pad are
+    then LATE until the next SYNC. If the node repeats no rank, the order of its TPDOs was changed. The TPDOs of the pad
+    received so far are lost (OUT_OF_ORDER), and the node is behind by an unknown number of sweeps.
 
- 4. When the runs of all nodes are complete, the assembler emits the frame immediately. Further TPDOs in that period are
-    SURPLUS.
+ 6. A TPDO that repeats the previous TPDO byte for byte is a DUPLICATE and changes nothing.
 
- 5. In an incomplete frame, the taxels that no run contains are NaN and STALE. An incomplete frame is emitted, or
-    withheld (``drop_incomplete``), as soon as none of its missing TPDOs can arrive any more. The assembler decides at
-    the next SYNC, when the next run begins, or one SYNC later.
+ 7. When a sweep is complete, the assembler emits the frame immediately. Further TPDOs in that period are SURPLUS.
 
- 6. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC then belongs to the
-    previous period, or is LATE. Even a driver that lags behind its bus therefore never stamps taxels too late.
+ 8. In an incomplete frame, the taxels that were not received are NaN and STALE. The assembler emits an incomplete
+    frame, or withholds it (``drop_incomplete``), at the next SYNC, or as soon as no node owes a tail any more.
 
- 7. If a pad has several nodes and a node that is not suspect begins another run within a period, a SYNC was lost. The
-    assembler discards the period: all TPDOs of all nodes are LATE until the next SYNC.
+ 9. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC is then a part of the tail,
+    or is LATE. Even a driver that lags behind its bus therefore never stamps taxels too late.
 
- 8. While the bus is free, a node begins its answer to a SYNC within half a period. If TPDOs of a period were received
-    and the bus was then free for more than half a period, no further run of that period can arrive (``FreeBus``,
-    ``settle``). The next run then belongs to the period in which it arrives. If a second run arrives in the same
-    period, an adapter has held frames back, and the conclusion was wrong. While the assembler does not know which SYNC
-    a node is answering (``is_in_doubt``), the SYNC producer skips SYNCs, so that the bus becomes free.
-
- 9. If a SYNC may have reached the bus more than MOST_LATE after its stamp, it begins a period as usual. The taxels of
+10. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
     that period are not published: they are LATE.
+
+A node is in doubt (``is_in_doubt``) if its last period ended with held TPDOs that were lost. The SYNC producer then
+skips SYNCs, so that the bus becomes free.
 
 Limits:
 
   - A frame can mix TPDOs of two periods in only two cases. In the first case, a SYNC, the end of one sweep and the
     beginning of the next sweep are all lost within two periods. In the second case, the bus or an adapter changes the
-    order of a sender's frames for the first time, and the end of the previous sweep is lost.
+    order of a sender's frames, and the end of the previous sweep is lost.
 
   - After a skipped sweep, the assembler cannot detect a node that delays its answer beyond the next SYNC on a free bus.
     The assembler also cannot detect an adapter that holds some frames back for a whole period while it passes others.
@@ -71,18 +70,18 @@ Limits:
 """
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 
 from tactile_node.assembly.frame_source import LossReason, PadStatistics
 from tactile_node.assembly.health import TpdoOrder
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
-from tactile_node.assembly.sweep_period import SweepPeriod
+from tactile_node.assembly.sweep import Sweep
+from tactile_node.assembly.sweep_sender import SweepSender
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
 
-#: Number of periods for which the assembler remembers a change of order. A lost SYNC can look like a change of order.
-ORDER_MEMORY = 100
 #: Largest delay of a SYNC after its stamp [s]. Serial adapters take up to 16 ms to confirm that a SYNC was
 #: sent.
 MOST_LATE = 0.02
@@ -104,48 +103,46 @@ class FrameAssembler(PadAssembler):
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True):
         super().__init__(layout, node_ids)
         self._one_clock = one_clock
-        self._node_ids = tuple(node_ids)
-        self._nodes = [tpdo.node for tpdo in layout.tpdos]  # node number by rank
-        self._layout_orders = [[rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node]
-                               for node in range(len(node_ids))]
-        self._ranks_of_nodes = [np.array(ranks) for ranks in self._layout_orders]
-        self._names = [tpdo.name for tpdo in layout.tpdos]  # TPDO name by rank
-        self._orders = list(self._layout_orders)  # order in which the TPDOs of each node arrive
+        self._names = [tpdo.name for tpdo in layout.tpdos]  # by rank
+        self._nodes = {node_id: SweepSender([rank for rank, tpdo in enumerate(layout.tpdos) if tpdo.node == node])
+                       for node, node_id in enumerate(node_ids)}
+        self._nodes_by_rank = [self._nodes[node_ids[tpdo.node]] for tpdo in layout.tpdos]
         self._syncs = 0
         self._distinct = [0] * len(layout.tpdos)  # number of TPDOs received without duplicates, by rank
         self._fresh = np.zeros(len(layout.tpdos), int)  # number of TPDOs used in frames, by rank
 
-        # previous period, not emitted yet because the end of its sweep may still arrive
-        self._before: SweepPeriod | None = None
-        self._period: SweepPeriod | None = None
+        self._sweep: Sweep | None = None  # answers the last SYNC
+        self._before: Sweep | None = None  # answers the SYNC before, and its end may still arrive
         self.restart()
 
     @property
     def is_in_doubt(self) -> bool:
-        """True if no SYNC may be sent until the driver knows how far each node has got.
+        """True if no SYNC may be sent until the driver knows which SYNC each node is answering.
 
         Any thread may read this property.
         """
-        period = self._period
-        return period is not None and any(run.is_in_doubt for run in period.runs)
+        return any(node.is_in_doubt for node in self._nodes.values())
 
     def restart(self) -> None:
         super().restart()
-        self._is_after_outage = False
-        self._changed_order = -ORDER_MEMORY - 1  # sequence number of the period with the last change of order
+        self._restart_nodes()
 
     def resume(self, lost_periods: int) -> None:
         """Continue after an outage and skip ``lost_periods`` sequence numbers.
 
-        Any node may be behind, except the nodes for which ``start`` is called.
+        All nodes are out of step, except the nodes for which ``start`` is called.
         """
         super().resume(lost_periods)
-        self._is_after_outage = True
+        self._restart_nodes(behind=inf)
 
     def start(self, node_id: int) -> None:
-        """Record that a silent node was started. The next TPDOs of that node do not belong to an earlier period."""
-        if self._period is not None and node_id in self._node_ids:
-            self._period.runs[self._node_ids.index(node_id)].start()
+        if node_id in self._nodes:
+            self._nodes[node_id].start()
+
+    def settle(self) -> None:
+        """Record that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
+        for node in self._nodes.values():
+            node.settle()
 
     def sync(self, timestamp: float, late: float = 0.0) -> Frames:
         """End the period and begin the next one, because a SYNC was sent on the bus.
@@ -162,159 +159,140 @@ class FrameAssembler(PadAssembler):
         tuple of TaxelFrame
             Frames whose missing TPDOs can no longer arrive.
         """
-        frames, period = self._close_before(), self._period
-        self._note_orders()
-        if period is not None and not period.is_emitted:
-            self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
-            if period.may_be_continued:
-                self._before = period
-            else:
-                frames += self._emit(period)
+        frames = self._end_sweep()
         self._sequence += 1
         self._syncs += 1
-        self._period = SweepPeriod(self._sequence, timestamp, self._ranks_of_nodes, period)
-        self._period.is_stamp_wrong = late > MOST_LATE
-        if self._is_after_outage:
-            self._is_after_outage = False
-            for run in self._period.runs:
-                run.assume_behind()
+        self._sweep = Sweep(self._sequence, timestamp, len(self._names), is_discarded=late > MOST_LATE)
         return frames
 
-    def settle(self) -> None:
-        """Record that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
-        for run in () if self._period is None else self._period.runs:
-            run.settle()
-
     def end_period(self) -> Frames:
-        frames, period = self._close_before(), self._period
-        self._note_orders()
-        if period is not None and not period.is_emitted:
-            self._lose(LossReason.LATE, sum(run.end() for run in period.runs))
-            frames += self._emit(period)
-        self._period = None
+        frames = self._end_sweep() + self._close_before()
+        self._sweep = None
+        self._restart_nodes()
         return frames
 
     def statistics(self) -> PadStatistics:
+        nodes = self._nodes.items()
         return super().statistics()._replace(
-            distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in own) for own in self._ranks_of_nodes),
-            orders=tuple(map(self._order, self._node_ids, self._orders, self._layout_orders)),
-            fresh_by_tpdo=tuple(tuple(self._fresh[own].tolist()) for own in self._ranks_of_nodes),
+            distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in node.ranks) for _, node in nodes),
+            orders=tuple(self._order(node_id, node) for node_id, node in nodes),
+            fresh_by_tpdo=tuple(tuple(self._fresh[node.ranks].tolist()) for _, node in nodes),
             syncs=self._syncs)  # ``syncs`` is read last, because another thread may count at the same time
 
-    def _order(self, node_id: int, sent: list[int], layout: list[int]) -> TpdoOrder | None:
-        if sent == layout:
+    def _order(self, node_id: int, node: SweepSender) -> TpdoOrder | None:
+        sent = node.order
+        if sent is None:
             return None
-        return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in ranks) for ranks in (sent, layout)))
-
-    def _note_orders(self) -> None:
-        """Record the order in which the TPDOs of each node arrived, if each TPDO arrived once in this period.
-
-        The end of a late sweep and the beginning of the next one look like a changed order. The assembler therefore
-        accepts a changed order only if no sweep can be late. No sweep can be late after OUT_OF_ORDER or, with several
-        nodes, in a discarded period. As long as a node keeps the changed order, the assembler treats none of the node's
-        sweeps as late.
-        """
-        period = self._period
-        if period is None:
-            return
-        for node, run in enumerate(period.runs):
-            order, layout_order = run.received, self._layout_orders[node]
-            is_proved = order == layout_order or self._changed_order == self._sequence or period.is_discarded
-            if sorted(order) == layout_order and is_proved:
-                self._orders[node] = order
-            elif order == self._orders[node]:
-                self._changed_order = self._sequence
+        return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in ranks) for ranks in (sent, node.ranks)))
 
     def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
-        period = self._period
-        if period is None:
+        sweep, node = self._sweep, self._nodes_by_rank[rank]
+        if sweep is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
+        if self._one_clock and timestamp < sweep.stamp:
+            return self._feed_earlier(node, rank, data, timestamp)
+        if node.received and node.repeats(rank, data):
+            return self._lose(LossReason.DUPLICATE)
         self._distinct[rank] += 1
-        if self._one_clock and timestamp < period.stamp:
-            return self._feed_before(period, rank, data, timestamp)
-        self._take(period, rank, data)
-        if self._before is not None and self._sequence - self._changed_order >= ORDER_MEMORY:
-            period.return_aside(self._before, only_proved=True)
-        if period.runs[self._nodes[rank]].is_complete and period.is_complete:
-            return self._resolve_aside(period) + self._emit(period)
-        if self._before is not None and not period.may_continue(self._before):
-            return self._close_before()
-        return ()
-
-    def _forget(self) -> None:
-        self._lose(LossReason.UNFINISHED, self._pending())
-        self._before = self._period = None
-
-    def _pending(self) -> int:
-        return sum(period.pending for period in (self._before, self._period) if period is not None)
-
-    def _feed_before(self, period: SweepPeriod, rank: int, data: bytes, timestamp: float) -> Frames:
-        """Process a TPDO that was on the bus before the last SYNC."""
-        before, run = self._before, period.runs[self._nodes[rank]]
-        if run.is_seen:  # a node cannot send a TPDO of an earlier period after a TPDO of this period
-            return self._lose(LossReason.LATE)
-        if before is None:
-            run.note_late(rank)
-            return self._lose(LossReason.LATE)
-        run_before = before.runs[self._nodes[rank]]
-        if timestamp < before.stamp or run_before.is_position_unknown:
-            run_before.note_late(rank)
-            self._lose(LossReason.LATE)
-        else:
-            self._take(before, rank, data)
-        run.carry_over(run_before)
-        return () if period.may_continue(before) else self._close_before()
-
-    def _take(self, period: SweepPeriod, rank: int, data: bytes) -> None:
-        run = period.runs[self._nodes[rank]]
-        if run.repeats(rank, data):
-            self._distinct[rank] -= 1
-            self._lose(LossReason.DUPLICATE)
-            return
-        if len(period.runs) > 1 and not period.is_emitted and run.begins_next_sweep(rank):
-            period.is_discarded = True  # a SYNC was lost, so the period of each TPDO is unknown
-            self._lose(LossReason.LATE, sum(run.lose() for run in period.runs))
-        if period.is_discarded:
-            self._lose(LossReason.LATE)
-        elif period.is_emitted or run.is_complete:
-            self._lose(LossReason.SURPLUS)
-        else:
-            self._place(period, rank, data)
-        run.note_received(rank, data)
-
-    def _place(self, period: SweepPeriod, rank: int, data: bytes) -> None:
-        if (lost := period.runs[self._nodes[rank]].add(rank)) is not None:
-            self._lose(*lost)
+        frames = self._begin_run(sweep, node, rank) if rank <= node.last else ()
+        node.note(rank, data)
+        if not node.behind:
+            if sweep.is_closed:
+                return frames + self._lose(LossReason.LATE if sweep.is_discarded else LossReason.SURPLUS)
+            sweep.missing -= 1
         if (wrong := self._wrong_length(rank, data)) is not None:
             self._lose(wrong)
-            return
-        period.payload.words[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
-        period.payload.fresh[rank] = True
+        elif node.behind:
+            node.held[rank] = data
+        else:
+            sweep.tpdos[rank] = data
+        return frames if sweep.missing else frames + self._emit(sweep)
 
-    def _resolve_aside(self, period: SweepPeriod) -> Frames:
-        """Move the runs that were set aside back to the previous period, because this period is complete.
+    def _feed_earlier(self, node: SweepSender, rank: int, data: bytes, timestamp: float) -> Frames:
+        """Process a TPDO that was on the bus before the last SYNC."""
+        if node.owes_tail and node.repeats(rank, data):
+            return self._lose(LossReason.DUPLICATE)
+        self._distinct[rank] += 1
+        if node.received:  # a node cannot send a TPDO of an earlier period after a TPDO of this period
+            return self._lose(LossReason.LATE)
+        before = self._before if node.owes_tail else None
+        is_tail = rank > node.last
+        node.note_earlier(rank, data)
+        if before is None:
+            return self._lose(LossReason.LATE)
+        if not is_tail or timestamp < before.stamp:
+            self._lose(LossReason.LATE, before.discard() + 1)
+        elif (wrong := self._wrong_length(rank, data)) is not None:
+            self._lose(wrong)
+        else:
+            before.tpdos[rank] = data
+        return self._close_settled()
 
-        If the previous period has already been emitted, the runs belong to an even earlier period and are LATE.
-        """
+    def _begin_run(self, sweep: Sweep, node: SweepSender, rank: int) -> Frames:
+        """Decide what the present run of a node was, because the node begins its next run in the same period."""
+        if node.behind:
+            self._use_held(node, self._before if node.owes_tail else None)
+            node.end_run()
+            return self._close_settled()
+        if sweep.is_closed:
+            return ()
+        if rank in node.received:  # the SYNC between the two runs was lost
+            self._lose(LossReason.LATE, sweep.discard())
+            return self._close_before()
+        self._lose(LossReason.OUT_OF_ORDER, sweep.discard())
+        node.lose_step()
+        return ()
+
+    def _use_held(self, node: SweepSender, sweep: Sweep | None) -> Frames:
+        """Move the held TPDOs of a node to ``sweep``. The TPDOs are lost if it takes none."""
+        held, node.held = node.held, {}
+        if sweep is None or sweep.is_closed:
+            return self._lose(LossReason.OUT_OF_ORDER if node.order else LossReason.LATE, len(held))
+        sweep.tpdos |= held
+        return ()
+
+    def _end_sweep(self) -> Frames:
+        """End the period, and close the sweeps whose missing TPDOs can no longer arrive."""
+        frames, sweep = self._close_before(), self._sweep
+        if sweep is None:
+            return frames
+        for node in self._nodes.values():
+            self._use_held(node, sweep if node.end_period() else None)
+        if not sweep.is_emitted:
+            self._before = sweep
+        return frames + self._close_settled()
+
+    def _close_settled(self) -> Frames:
+        """Emit the sweep before the last SYNC if it can receive no further TPDOs."""
         if self._before is None:
-            return self._lose(LossReason.LATE, sum(run.lose_aside() for run in period.runs))
-        period.return_aside(self._before)
-        return self._close_before()
+            return ()
+        is_open = not self._before.is_discarded and any(node.owes_tail for node in self._nodes.values())
+        return () if is_open else self._close_before()
 
     def _close_before(self) -> Frames:
         before, self._before = self._before, None
         return () if before is None else self._emit(before)
 
-    def _emit(self, period: SweepPeriod) -> Frames:
-        words, fresh = period.payload
-        period.is_emitted = True
-        if period.is_stamp_wrong:
-            self._lose(LossReason.LATE, int(fresh.sum()))
-            fresh[:] = False
+    def _emit(self, sweep: Sweep) -> Frames:
+        sweep.is_emitted = True
+        payload = bytearray(MAX_PDO_BYTES * len(self._names))
+        fresh = np.zeros(len(self._names), bool)
+        for rank, data in sweep.tpdos.items():
+            payload[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
+        fresh[list(sweep.tpdos)] = True
         self._fresh += fresh
-        return self._give(period.stamp, period.sequence, words, fresh)
+        return self._give(sweep.stamp, sweep.sequence, payload, fresh)
 
-    def _lose(self, reason: LossReason, can_frames: int = 1) -> Frames:
-        if reason is LossReason.OUT_OF_ORDER:
-            self._changed_order = self._sequence
-        return super()._lose(reason, can_frames)
+    def _restart_nodes(self, behind: float = 0) -> None:
+        for node in self._nodes.values():
+            node.restart(behind)
+
+    def _forget(self) -> None:
+        self._lose(LossReason.UNFINISHED, self._pending())
+        for node in self._nodes.values():
+            node.held = {}
+        self._before = self._sweep = None
+
+    def _pending(self) -> int:
+        open_sweeps = (sweep for sweep in (self._before, self._sweep) if sweep is not None and not sweep.is_emitted)
+        return sum(len(sweep.tpdos) for sweep in open_sweeps) + sum(len(node.held) for node in self._nodes.values())

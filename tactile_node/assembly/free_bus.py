@@ -32,13 +32,14 @@ class FreeBus:
     Examples
     --------
     >>> bus = FreeBus(1_000_000)
-    >>> bus.sync(0.00); bus.sync(0.02); bus.take(0.021); bus.sync(0.04)
-    >>> bus.proves(until=0.032), bus.proves(until=0.041)
+    >>> bus.sync(0.00); bus.sync(0.02); bus.saw_tpdo(0.021); bus.sync(0.04)
+    >>> bus.nothing_pending(until=0.032), bus.nothing_pending(until=0.041)
     (False, True)
     """
 
     def __init__(self, bitrate: int):
         self._frame_time = worst_case_bits(Frame(0, bytes(8), is_extended=True)) / bitrate
+        self._free_time = FREE_TIME + self._frame_time  # a frame may be on the bus when the time is measured
         self.restart()
 
     def restart(self) -> None:
@@ -62,12 +63,12 @@ class FreeBus:
         self._since = inf
         self._synced = stamp
 
-    def take(self, stamp: float) -> None:
+    def saw_tpdo(self, stamp: float) -> None:
         """Record that a TPDO was received at ``stamp`` [s]. Another TPDO may follow."""
-        self._since_before = max(self._due_before, stamp)
-        self._since = max(self._due, stamp)
+        self._since_before = stamp if stamp > self._due_before else self._due_before
+        self._since = stamp if stamp > self._due else self._due
 
-    def occupy(self, stamp: float, seconds: float | None = None) -> None:
+    def saw_other(self, stamp: float, seconds: float | None = None) -> None:
         """Record that other traffic may have occupied the bus before a given stamp.
 
         Parameters
@@ -83,7 +84,7 @@ class FreeBus:
         if stamp > self._since:
             self._since += seconds
 
-    def proves(self, until: float) -> bool:
+    def nothing_pending(self, until: float) -> bool:
         """Return True if no node can still answer the second-to-last SYNC.
 
         Parameters
@@ -91,8 +92,7 @@ class FreeBus:
         until : float
             Stamp up to which no further TPDO was received [s].
         """
-        # a frame may be on the bus right now, so the duration of one frame is added
-        return until - self._since_before >= FREE_TIME + self._frame_time
+        return until - self._since_before >= self._free_time
 
 
 class SyncPause:

@@ -42,11 +42,12 @@ class PadAssembler:
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int]):
         self.drop_incomplete = False  #: True to withhold taxel frames that lack TPDOs
         self._codec = TaxelCodec(layout)
-        self._ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> prefix -> rank
+        ranks: dict[int, dict[bytes, int]] = {}  # COB-ID -> prefix -> rank
         for rank, tpdo in enumerate(layout.tpdos):
             node_id = node_ids[tpdo.node]
-            self._ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
-        self._prefix_lengths = {can_id: len(next(iter(ranks))) for can_id, ranks in self._ranks.items()}
+            ranks.setdefault(tpdo.cob_id.of(node_id), {})[tpdo.prefix(node_id)] = rank
+        # COB-ID -> length of the prefixes, and rank by prefix
+        self._ranks = {can_id: (len(next(iter(by_prefix))), by_prefix) for can_id, by_prefix in ranks.items()}
         self._lengths = [tpdo.length for tpdo in layout.tpdos]
         self._numbers = [tpdo.number for tpdo in layout.tpdos]
         self._padded = 0
@@ -91,8 +92,8 @@ class PadAssembler:
             Taxel frames finished by this CAN frame.
         """
         self._received += 1
-        length = self._prefix_lengths[can_id]
-        rank = self._ranks[can_id].get(data[:length])
+        length, ranks = self._ranks[can_id]
+        rank = ranks.get(data[:length])
         if rank is None:
             return self._lose(LossReason.SHORT if len(data) < length else LossReason.UNKNOWN_ROW)
         mapped = self._lengths[rank]

@@ -124,25 +124,23 @@ class Router:
         after : float or None
             Earliest time at which the frame may have arrived [s]; None if it arrived at its stamp.
         """
-        if self.bus.proves(stamp if after is None else after):
+        if self.bus.nothing_pending(stamp if after is None else after):
             for synchronous in self._synchronous:
                 synchronous.settle()
         owner = self._owners.get(can_id)
-        if owner is not None and owner[-1]:
-            self.bus.take(stamp)
+        if owner is None:
+            self.bus.saw_other(stamp)
+            self._feed_other(can_id, stamp)
+            return
+        name, assembler, has_sync = owner
+        self._counts[assembler.service] += 1
+        if has_sync:
+            self.bus.saw_tpdo(stamp)
         else:
-            self.bus.occupy(stamp)
-        if owner is not None:
-            name, assembler, has_sync = owner
-            self._counts[assembler.service] += 1
-            if self.is_running or has_sync:  # pads without SYNC send even while the driver is inactive
-                self._deliver(name, assembler.feed(can_id, data, stamp))
-        elif can_id == self._sync_id:
-            self._counts['sync'] += 1
-            if self._foreign_sync and self.is_running:
-                self.sync(stamp)
-        else:
-            self._counts[service_of(can_id)] += 1
+            self.bus.saw_other(stamp)
+        if self.is_running or has_sync:  # pads without SYNC send even while the driver is inactive
+            if frames := assembler.feed(can_id, data, stamp):
+                self._deliver(name, frames)
 
     def feed_message(self, message: can.Message) -> None:
         """Process any python-can message.
@@ -154,7 +152,7 @@ class Router:
             self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
         else:
             self._counts[kind] += 1
-            self.bus.occupy(message.timestamp, inf if message.is_error_frame else None)
+            self.bus.saw_other(message.timestamp, inf if message.is_error_frame else None)
 
     def end(self) -> None:
         """End the last period of each pad, because no more CAN frames will follow."""
@@ -165,6 +163,15 @@ class Router:
         """Return the counts since construction."""
         pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
         return BusStatistics(pads, dict(self._counts), consumer_errors=self._consumer_errors)
+
+    def _feed_other(self, can_id: int, stamp: float) -> None:
+        """Count a frame that belongs to no pad, and begin the next period if it is a SYNC."""
+        if can_id != self._sync_id:
+            self._counts[service_of(can_id)] += 1
+            return
+        self._counts['sync'] += 1
+        if self._foreign_sync and self.is_running:
+            self.sync(stamp)
 
     def _deliver(self, name: str, frames: Frames) -> None:
         for frame in frames:

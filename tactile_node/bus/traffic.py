@@ -160,13 +160,13 @@ class Traffic:
         self._fed += len(frames)
         for can_id, data, stamp in frames:
             if stamp == inf:
-                self._router.bus.occupy(inf, inf)
+                self._router.bus.saw_other(inf, inf)
                 continue
             after, until = came or (stamp, stamp)
-            self._router.bus.occupy(after, max(0.0, after - self._last_came - most_free))
+            self._router.bus.saw_other(after, max(0.0, after - self._last_came - most_free))
             self._last_came = until
             if can_id == NO_DATA:
-                self._router.bus.occupy(stamp)
+                self._router.bus.saw_other(stamp)
             else:
                 self._router.feed(can_id, data, stamp, after)
 

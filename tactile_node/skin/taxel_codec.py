@@ -8,6 +8,11 @@ from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
 
+# NumPy handles its own scalars several times faster than members of an enumeration.
+VALID = np.uint8(TaxelStatus.VALID)
+STALE = np.uint8(TaxelStatus.STALE)
+SATURATED = np.uint8(TaxelStatus.SATURATED)
+
 
 class TaxelCodec:
     """Converts between payloads and taxel values with precomputed index arrays.
@@ -47,7 +52,8 @@ class TaxelCodec:
         dead = np.zeros(self._shape, bool)
         for row, col in layout.dead:
             dead[row, col] = True
-        self._dead = dead.ravel()
+        self._dead = np.flatnonzero(dead)
+        self._saturated_count = layout.value.saturated_count
 
     def decode(self, payload: bytes | bytearray, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the taxel values and their status.
@@ -68,16 +74,16 @@ class TaxelCodec:
             Shape (rows, cols), uint8, `TaxelStatus`, read-only.
         """
         counts = self._counts(payload)
-        state = np.where(fresh[self._rank], TaxelStatus.VALID, TaxelStatus.STALE)
-        if self._value.saturated_count is not None:
-            at_end = counts == self._value.saturated_count
-            state[at_end & (state == TaxelStatus.VALID)] = TaxelStatus.SATURATED
+        is_given = fresh[self._rank]
+        state = np.where(is_given, VALID, STALE)
+        if self._saturated_count is not None:
+            state[is_given & (counts == self._saturated_count)] = SATURATED
         status = self._unmapped.copy()
         status[self._taxel] = state
         status[self._dead] = TaxelStatus.DEAD
         values = np.full(status.shape, np.nan, np.float32)
-        values[self._taxel] = self._value.to_value(counts)
-        values[(status != TaxelStatus.VALID) & (status != TaxelStatus.SATURATED)] = np.nan
+        values[self._taxel] = np.where(is_given, self._value.to_value(counts), np.float32(np.nan))
+        values[self._dead] = np.nan
         return read_only(values.reshape(self._shape)), read_only(status.reshape(self._shape))
 
     def _counts(self, payload: bytes | bytearray) -> np.ndarray:

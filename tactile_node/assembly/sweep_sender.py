@@ -1,0 +1,134 @@
+"""Count how many sweeps one node may be behind. The module ``assembler`` states the rules."""
+
+from collections.abc import Sequence
+from math import inf
+
+
+class SweepSender:
+    """One node of a pad.
+
+    Parameters
+    ----------
+    ranks : sequence of int
+        Ranks of the node's TPDOs, ascending.
+
+    Attributes
+    ----------
+    behind : float
+        Largest number of earlier sweeps whose TPDOs may still arrive; inf if unknown. The node is in step if it is 0.
+    owes_tail : bool
+        True if, of all earlier sweeps, only the end of the previous one may still arrive, after the rank ``last``.
+    last : int
+        Rank received last, or -1 before the first TPDO of a run.
+    held : dict
+        TPDOs of the present run, by rank, while the SYNC that they answer is not known.
+    received : list of int
+        Ranks received in this period, at most one more than in a sweep.
+    order : list of int or None
+        Ranks in the order in which the node sends them, if this order differs from the layout.
+    is_in_doubt : bool
+        True if the node sends, but the driver does not know which SYNC the node is answering.
+    """
+
+    def __init__(self, ranks: Sequence[int]):
+        self.ranks = list(ranks)
+        self.order: list[int] | None = None
+        self.restart()
+
+    def restart(self, behind: float = 0) -> None:
+        """Forget all TPDOs."""
+        self.behind = behind
+        self.owes_tail = False
+        self.last = -1
+        self.held: dict[int, bytes] = {}
+        self.received: list[int] = []
+        self.is_in_doubt = False
+        self._last_data = b''
+        self._is_proved = False  # True if a free bus has proved that the next run answers the last SYNC
+        self._was_started = False
+        self._began_in_step = not behind
+
+    def start(self) -> None:
+        """Record that the silent node was started. The node owes no answer to an earlier SYNC."""
+        if not self.received:
+            self.restart()
+            self._was_started = True
+
+    def settle(self) -> None:
+        """Record that a free bus has proved that no answer to an earlier SYNC can begin.
+
+        A tail is unaffected, because the beginning of the next run shows where the tail belongs.
+        """
+        if not self.received and not self.owes_tail:
+            self._is_proved = True
+            self.is_in_doubt = False
+
+    def repeats(self, rank: int, data: bytes) -> bool:
+        """Return True if a TPDO repeats the previous TPDO byte for byte."""
+        return rank == self.last and data == self._last_data
+
+    def note(self, rank: int, data: bytes) -> None:
+        """Record that a TPDO was received, whether or not it is used."""
+        self.last = rank
+        self._last_data = data
+        if len(self.received) <= len(self.ranks):  # without SYNC a period never ends, so the list must be limited
+            self.received.append(rank)
+
+    def note_earlier(self, rank: int, data: bytes) -> None:
+        """Record a TPDO that was on the bus before the last SYNC, so that at least one sweep was behind."""
+        if rank <= self.last:
+            self.owes_tail = False
+            self.behind -= 1
+        self.behind = max(self.behind, 1)
+        self.last = rank
+        self._last_data = data
+        if rank == self.ranks[-1]:
+            self.owes_tail = False
+            self.behind -= 1
+            self.last = -1
+
+    def end_run(self) -> None:
+        """Record that the next run begins in the same period, so the node is one sweep less behind."""
+        self._is_proved = False
+        self.owes_tail = False
+        self.behind -= 1
+
+    def lose_step(self) -> None:
+        """Record that the number of sweeps the node is behind is unknown until the bus is free."""
+        self._is_proved = False
+        self.behind = inf
+
+    def end_period(self) -> bool:
+        """Pass to the next period, and return True if the present run answers the SYNC of the period that ends."""
+        self._note_order()
+        is_seen = bool(self.received)
+        is_current = is_seen and (self._is_proved or not self.behind)
+        if is_current:
+            self.behind = 0
+        if is_seen:
+            has_ended = self.last == self.ranks[-1]
+        else:
+            has_ended = self._was_started
+        if not has_ended:
+            self.behind += 1
+        self.owes_tail = is_current and not has_ended
+        # a node that sends in another order stays behind, and a pause would not change that
+        self.is_in_doubt = is_seen and not is_current and self.order is None
+        if not self.owes_tail:
+            self.last = -1
+        self.received = []
+        self._is_proved = False
+        self._was_started = False
+        self._began_in_step = not self.behind
+        return is_current
+
+    def _note_order(self) -> None:
+        """Record the order in which the TPDOs arrived, if each TPDO arrived once.
+
+        The end of a late sweep and the beginning of the next one look like a changed order. A changed order is
+        therefore noted only if the node was in step when the period began.
+        """
+        if self.received == self.ranks:
+            self.order = None
+        elif self._began_in_step and sorted(self.received) == self.ranks:
+            self.order = self.received
