@@ -28,9 +28,9 @@ class Remark(Enum):
                              'this pad lists the reasons.')
     LOST_FRAMES = True, 'Pad {where}: according to the sequence numbers, {number:.0f} taxel frames are missing.'
     INCOMPLETE = True, 'Pad {where}: {number:.0f} taxel frames lack CAN frames.'
-    TAXEL_GAPS = True, 'Pad {where}: {number:.0f} gaps of half a second or longer without a taxel frame.'
+    TAXEL_GAPS = True, 'Pad {where}: gaps of half a second or longer without a taxel frame: {number:.0f}.'
     # an idle bus is not a problem
-    BUS_GAPS = False, '{number:.0f} gaps of half a second or longer without any CAN frame.'
+    BUS_GAPS = False, 'Gaps of half a second or longer without any CAN frame: {number:.0f}.'
     EMERGENCIES = True, 'Node {where} sent {number:.0f} EMCYs, at least one of which reports an error.'
     BOOTED_AGAIN = True, 'Node {where} restarted during the recording; number of boot-ups: {number:.0f}.'
     TWO_VALUES = True, 'Node {where}: the identity changed, so two devices answered with this node-ID.'
