@@ -223,28 +223,25 @@ def test_a_late_subscriber_gets_the_last_status(chain):
 
 
 def test_each_change_of_the_lifecycle_is_logged_and_reported_when_it_happens(chain):
-    """The report of a transition must not wait for the timer, whose callback cannot run during a transition."""
+    """The last report within a transition shows its result, and does not wait for the next regular report."""
     logged, heard = chain.listen(Log, '/rosout', 50), chain.listen(SkinStatus, '/skin_driver/status', ALL_STATUS_QOS)
-    changes = []
+    unconfigured, inactive, active, finalized = (SkinStatus.UNCONFIGURED, SkinStatus.INACTIVE, SkinStatus.ACTIVE,
+                                                 SkinStatus.FINALIZED)
     chain.until(lambda: heard and chain.listener.count_publishers('/rosout') > 1, 'no status, or no /rosout')
-    for change in ('configure', 'activate', 'deactivate', 'cleanup', 'configure', 'activate', 'shutdown'):
+    assert heard[0].lifecycle_state == unconfigured
+    for change, expected in (('configure', (False, inactive, 1)), ('activate', (True, active, 1)),
+                             ('deactivate', (False, inactive, 1)), ('cleanup', (False, unconfigured, 0)),
+                             ('configure', (False, inactive, 1)), ('activate', (True, active, 1)),
+                             ('shutdown', (False, finalized, 0))):
         begun = chain.node.get_clock().now().nanoseconds
         getattr(chain.node, f'trigger_{change}')()
         ended = chain.node.get_clock().now().nanoseconds
 
         def of_the_change(begun=begun, ended=ended):
-            return [status for status in heard
+            return [(status.active, status.lifecycle_state, len(status.pads)) for status in heard
                     if begun <= Time.from_msg(status.header.stamp).nanoseconds <= ended]
-        chain.until(of_the_change, f'{change} not reported')
-        last = of_the_change()[-1]
-        changes.append((change, last.active, last.lifecycle_state, len(last.pads)))
-    unconfigured, inactive, active, finalized = (SkinStatus.UNCONFIGURED, SkinStatus.INACTIVE, SkinStatus.ACTIVE,
-                                                 SkinStatus.FINALIZED)
-    assert heard[0].lifecycle_state == unconfigured
-    assert changes == [('configure', False, inactive, 1), ('activate', True, active, 1),
-                       ('deactivate', False, inactive, 1), ('cleanup', False, unconfigured, 0),
-                       ('configure', False, inactive, 1), ('activate', True, active, 1),
-                       ('shutdown', False, finalized, 0)]
+        chain.until(lambda expected=expected, reported=of_the_change: reported()[-1:] == [expected],
+                    f'{change} not reported')
     assert heard[-1].level == SkinStatus.STALE and heard[-1].message == 'not configured'
     chain.until(lambda: any('-> finalized' in message.msg for message in logged), 'not logged')
     assert [message.msg for message in logged if message.msg.startswith('Lifecycle')][:4] == [

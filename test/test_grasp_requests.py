@@ -63,9 +63,9 @@ class Planner:
         self.until(asked.done, sides)
         return asked.result().status, asked.result().result
 
-    def check(self, **required):
+    def check(self, sides=(), **required):
         call = self._checks.call_async(CheckGrasp.Request(requirement=GraspRequirement(**required)))
-        self.until(call.done)
+        self.until(call.done, sides)
         return call.result()
 
 
@@ -150,7 +150,8 @@ def test_the_executor_of_our_processes_serves_both(make_own):
     assert planner.result(short)[1].outcome == Result.TIMED_OUT
     result = planner.result(held, BOTH)[1]
     assert result.outcome == Result.HELD and result.grasp.stable
-    assert planner.check().outcome == CheckGrasp.Response.HELD
+    # On a busy machine, a pad may be silent for so long that the grasp is not held at the time of a check.
+    planner.until(lambda: planner.check(BOTH).outcome == CheckGrasp.Response.HELD)
 
 
 def test_the_last_grasp_of_a_lossless_replay_that_has_ended_is_not_held(make_planner):

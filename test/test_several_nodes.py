@@ -149,13 +149,13 @@ def test_node_ids_are_shared_out_in_order():
 
     assert shared([LAYOUT, 'sim16x16.yaml'], [32, 35, 64]) == [('pad32', (32, 35)), ('pad64', (64,))]
     assert shared([LAYOUT], [32, 35, 64, 67]) == [('pad32', (32, 35)), ('pad64', (64, 67))]
-    with pytest.raises(ConfigurationError, match=r'2 \+ 1 of them'):
+    with pytest.raises(ConfigurationError, match=r'2 \+ 1 node-IDs'):
         shared([LAYOUT, 'sim16x16.yaml'], [32, 64])
 
 
 def test_names_say_how_many_pads_there_are():
     assert [pad.name for pad in make_pads(['sim16x16.yaml'], [32, 64], ['left', 'right'])] == ['left', 'right']
-    with pytest.raises(ConfigurationError, match=r'1 \+ 1 of them'):
+    with pytest.raises(ConfigurationError, match=r'1 \+ 1 node-IDs'):
         make_pads(['sim16x16.yaml'], [32], ['left', 'right'])
     with pytest.raises(ConfigurationError, match='layouts: expected one value'):
         make_pads(['sim16x16.yaml'] * 2, [32, 33, 34], ['left', 'right', 'third'])
