@@ -23,7 +23,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
-from tactile_node.bus import message_pace
+from tactile_node.bus import change_pace
 from tactile_node.bus.change_pace import FIRST_REMINDER
 from tactile_node.cli.main import main
 from tactile_node.nodes import driver_node, tare_client
@@ -255,7 +255,7 @@ def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
     `make faults` measures how soon a fault is reported, and test_pacer.py tests the highest rate of these reports.
     """
     chain.start()
-    monkeypatch.setattr(message_pace, 'EARLY_ROUND', -inf)
+    monkeypatch.setattr(change_pace, 'EARLY_ROUND', -inf)
     chain.bench.adapter.is_plugged = False
     chain.until(lambda: chain.status[-1].fault != SkinStatus.FAULT_NONE, 'not reported')
     chain.bench.adapter.is_plugged = True
