@@ -24,7 +24,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
 from tactile_node.bus import change_pace
-from tactile_node.bus.change_pace import FIRST_REMINDER
+from tactile_node.bus.log_throttle import FIRST_PAUSE
 from tactile_node.cli.main import main
 from tactile_node.nodes import driver_node, tare_client
 from tactile_node.nodes.lifecycle_steps import WAITING
@@ -95,7 +95,7 @@ def test_the_driver_waits_for_a_missing_bus_and_reports_it_now_and_then(chain):
     assert starting.is_alive() and chain.bench.adapter.opened == 0
     chain.until(lambda: any(WAITING in message.msg for message in logged), 'not logged')
     reports = sum(WAITING in message.msg for message in logged)
-    assert reports <= 1 + (time.monotonic() - begun) / FIRST_REMINDER  # The driver must not log every attempt.
+    assert reports <= 1 + (time.monotonic() - begun) / FIRST_PAUSE  # The driver must not log every attempt.
     chain.bench.adapter.is_plugged = True
     chain.until(lambda: (OK, OK) in chain.levels, 'never OK')
     starting.join()
