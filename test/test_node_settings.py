@@ -129,7 +129,7 @@ def test_a_node_whose_constructor_has_failed_can_be_destroyed(name, monkeypatch)
 
 
 PLACE = 'three finite numbers'
-EMPTY = {'pads': 'a name for each pad', 'node_ids': 'a node-ID for each', 'layouts': 'one value, or one for each',
+EMPTY = {'pads': 'a name for each pad', 'node_ids': 'one for each of the pads', 'layouts': 'one value, or one for each',
          'left_xyz': PLACE, 'left_rpy': PLACE, 'right_xyz': PLACE, 'right_rpy': PLACE}
 LISTS = [(name, row.name) for name, settings in SETTINGS.items() for row in table(settings)
          if isinstance(row.default, tuple)]
