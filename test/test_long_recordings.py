@@ -272,7 +272,7 @@ def test_replay_reports_what_is_missing_and_begins_where_it_is_asked_to(tmp_path
         at = BEGIN + sweep / 100
         file.write(can.Message(at, 0x80, False, channel='can0'))
         for tpdo in range(32):
-            base = 0x180 + 0x100 * (tpdo % 4) + tpdo // 4
+            base = 0x180 + 0x100 * (tpdo // 8) + tpdo % 8
             file.write(can.Message(at + 1e-4 * (tpdo + 1), base + 32, False, data=bytes([sweep % 200] * 8)))
         if sweep % 10 == 9:
             file.flush()
