@@ -81,7 +81,7 @@ check: setup  ## run the style checks and the fast tests while you work (under a
 test: setup messages  ## run all checks of the project, and print how long they took
 	@failed=0; \
 	TIMEFORMAT='make test took %0R s, of the processor %0U s and %0S s'; \
-	time $(MAKE) --no-print-directory --keep-going --jobs 5 $(REAL_TIME_LANES) $(COMPUTING_LANES) || failed=1; \
+	time $(MAKE) --no-print-directory --keep-going --jobs 4 $(REAL_TIME_LANES) $(COMPUTING_LANES) || failed=1; \
 	TIMEFORMAT='the tests on a real CAN stack took %0R s'; \
 	time $(MAKE) --no-print-directory lane-socketcan || failed=1; \
 	[ ! -f build/socketcan/not_run ] || \
