@@ -372,7 +372,7 @@ def made(monkeypatch) -> list[str]:
 def test_nothing_is_computed_until_something_subscribes(ros, made, lossless):
     pad = Pad(ros, lossless)
     pad.send(taxels(pressed((3, 7, 4, 4)), sec=100))
-    for node in pad.nodes:  # what viewers need comes after the shape
+    for node in pad.nodes:  # Messages for viewers come after the shape.
         assert node._stages.chain.wait_until_idle(TIMEOUT)
     assert not made
     heard = {topic: [] for topic in VIEWS}

@@ -52,7 +52,7 @@ class SkinBus:
     on_failure : callable or None
         Function that is called with a `Failure` when the bus stops working; None to log the failure.
     chain : Chain or None
-        Running chain on which the frames are assembled; None for a chain of its own.
+        Running chain that assembles the frames, or None if the bus must start a separate chain.
 
     Raises
     ------

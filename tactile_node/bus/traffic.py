@@ -46,7 +46,7 @@ class Traffic:
     sync_period : float
         Time between two SYNCs [s].
     chain : Chain or None
-        Running chain of the process; None for a chain of its own, which runs from ``begin`` to ``end``.
+        Running chain of the process, or None to start a separate chain, which runs from ``begin`` to ``end``.
     """
 
     def __init__(self, router: Router, monitor: BusMonitor, on_failure: OnFailure, *, polled: Collection[int],

@@ -8,14 +8,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from tactile_node.nodes.guarded_input import GuardedInput
 from tactile_node.nodes.message_guard import MessageGuard
-from tactile_node.ros.message_age import Arrival
 from tactile_node.ros.message_checks import Check, Message
-from tactile_node.ros.message_health import MessageCounts, StreamHealth
 from tactile_node.ros.qos import is_lossless
 
 
-class GuardedSubscription(Generic[Message]):
+class GuardedSubscription(GuardedInput, Generic[Message]):
     """Calls a callback, on the executor's thread, with each message that passes a `MessageGuard`.
 
     Parameters
@@ -45,24 +44,9 @@ class GuardedSubscription(Generic[Message]):
         self._node = node
         self._callback = callback
         self._takes_newest = newest_only and not is_lossless(qos)
-        self.topic: str = node.resolve_topic_name(topic)  #: full name of the topic
-        self._guard = MessageGuard(node, kind, self.topic, qos, check, steady)
+        full = node.resolve_topic_name(topic)
+        super().__init__(full, MessageGuard(node, kind, full, qos, check, steady))
         self._subscription: Subscription = node.create_subscription(kind, topic, self._on_message, qos)
-
-    @property
-    def counts(self) -> MessageCounts:
-        """Message counts since construction."""
-        return self._guard.counts
-
-    @property
-    def arrival(self) -> Arrival:
-        """Arrival of the message in the running callback. Raises RuntimeError before the first message arrives."""
-        return self._guard.arrival
-
-    @property
-    def health(self) -> StreamHealth:
-        """Message counts, age and stamp of the newest data, and the publishers of the topic."""
-        return self._guard.health
 
     def destroy(self) -> None:
         """End the subscription."""

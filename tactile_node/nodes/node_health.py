@@ -4,7 +4,6 @@ import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
@@ -12,9 +11,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tactile_node.bus.log_throttle import LogThrottle
+from tactile_node.nodes.guarded_input import GuardedInput
 from tactile_node.ros.message_age import use_stamps
 from tactile_node.ros.message_health import (
-    MessageCounts,
     StreamFault,
     StreamHealth,
     health_status,
@@ -27,20 +26,6 @@ from tactile_node.ros.settings import ReceiverSettings
 logger = logging.getLogger(__name__)
 
 
-class Stream(Protocol):
-    """Input of a node, such as a `GuardedSubscription` or a `StageInput`."""
-
-    topic: str  #: full name of the topic
-
-    @property
-    def counts(self) -> MessageCounts:
-        """Message counts since construction."""
-
-    @property
-    def health(self) -> StreamHealth:
-        """Counts, age and stamp of the newest data, and the publishers of the topic."""
-
-
 class MessageHealth:
     """Publishes the health of a node's subscriptions on /diagnostics for as long as the node exists.
 
@@ -51,13 +36,13 @@ class MessageHealth:
     ----------
     node : Node
         Node whose health is published.
-    subscriptions : sequence of Stream
+    subscriptions : sequence of GuardedInput
         Inputs of the node.
     settings : ReceiverSettings
         Settings of the node.
     """
 
-    def __init__(self, node: Node, subscriptions: Sequence[Stream], settings: ReceiverSettings):
+    def __init__(self, node: Node, subscriptions: Sequence[GuardedInput], settings: ReceiverSettings):
         self._node = node
         self._max_clock_offset = settings.max_clock_offset if use_stamps(node, settings) else math.inf
         self._subscriptions = tuple(subscriptions)

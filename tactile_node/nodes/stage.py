@@ -17,11 +17,12 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Header
 
 from tactile_node.chain import Chain, Step
+from tactile_node.nodes.guarded_input import GuardedInput
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
 from tactile_node.nodes.ticker import Ticker
-from tactile_node.ros.message_age import Arrival, age_message
+from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import Check, Message
-from tactile_node.ros.message_health import MessageCounts, StreamHealth
+from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
@@ -77,7 +78,7 @@ class Stages:
         return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
 
 
-class StageInput(Generic[Message, Result]):
+class StageInput(GuardedInput, Generic[Message, Result]):
     """Input of a stage, which receives results from a stage of the same process or messages from a topic.
 
     The input subscribes to the topic unless a stage of this process is its only publisher. If another node also
@@ -127,8 +128,8 @@ class StageInput(Generic[Message, Result]):
         self._most_waiting = math.inf if settings.lossless else most_waiting
         qos = settings.input_qos
         self._steady = steady
-        self.topic: str = node.resolve_topic_name(topic)
-        self._guard = MessageGuard(node, kind, self.topic, qos, check, steady)
+        full = node.resolve_topic_name(topic)
+        super().__init__(full, MessageGuard(node, kind, full, qos, check, steady))
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
         # usable results that wait for ``step``, each after the results that it has overtaken
@@ -143,16 +144,6 @@ class StageInput(Generic[Message, Result]):
         stages.add(self)
 
     @property
-    def counts(self) -> MessageCounts:
-        """Counts of messages and results since construction."""
-        return self._guard.counts
-
-    @property
-    def arrival(self) -> Arrival:
-        """Arrival of the last usable result. Raises RuntimeError before the first result arrives."""
-        return self._guard.arrival
-
-    @property
     def left_out(self) -> int:
         """Number of frames directly before the current result that this stage or an earlier one skipped on purpose."""
         return self._guard.left_out
@@ -162,7 +153,7 @@ class StageInput(Generic[Message, Result]):
         """Counts, age and stamp of the newest data, and the publishers of the topic."""
         self._guard.count_publishers()
         self._listen()
-        return self._guard.health
+        return super().health
 
     def announce(self, result: Result) -> None:
         """Record that ``result`` will be published and fed, so that its message is ignored if it comes back."""

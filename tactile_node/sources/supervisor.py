@@ -57,7 +57,7 @@ class Supervisor:
     heartbeat_timeout
         Maximum time without a heartbeat [s]. The timeout also applies to a node that has never sent a heartbeat.
     chain
-        Running chain on which the bus assembles the frames, or None for a chain of its own.
+        Running chain that assembles the frames, or None if the bus must start a separate chain.
     """
 
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
