@@ -31,7 +31,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help setup demo check test coverage faults misled hosts bench grasps train reproduce soak socketcan fuzz lint \
-	types architecture schema docs commands lowest dist deb deb-test kilted distros lock clean view-test
+	types architecture reference docs commands lowest dist deb deb-test kilted distros lock clean view-test
 
 FIRST := demo setup test check docs commands bench faults reproduce clean
 help:  ## list all targets
@@ -222,8 +222,8 @@ types: setup  ## check types with mypy, strictly for the numerical core and the 
 architecture: setup  ## draw docs/architecture.png from the imports
 	@$(BIN)/python tools/draw_architecture.py
 
-schema: setup  ## write the JSON Schema of layouts from their keys in the code
-	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/write_schema.py
+reference: setup  ## write docs/reference/ and the JSON Schema of skin layouts from the code
+	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/write_reference.py
 
 commands: setup  ## list every command in the documents, with the test that runs it or its requirements
 	@PYTHONPATH=$(CURDIR) $(BIN)/python tools/documented_commands.py

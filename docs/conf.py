@@ -4,15 +4,13 @@
 docs/, and runs Sphinx there.
 """
 
-import sys
 import warnings
 from pathlib import Path
 
 import tactile_node  # `make docs` and rosdoc2 put the root of the repository on the path.
 
 ROOT = Path(tactile_node.__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / 'docs/_ext'))
-PAGES = '' if Path('_ext').is_dir() else 'docs/'  # Sphinx runs this file in the folder that it builds.
+PAGES = '' if Path('_static').is_dir() else 'docs/'  # Sphinx runs this file in the folder that it builds.
 
 # A warning about an invalid number stops the build. Otherwise the warning and a local path would appear on the page.
 warnings.filterwarnings('error', category=RuntimeWarning, module='tactile_node')
@@ -21,9 +19,9 @@ project = 'tactile_skin'
 author = copyright = 'tactile_skin maintainers'
 release = version = tactile_node.__version__
 root_doc = 'index'
-exclude_patterns = [f'{PAGES}_ext', f'{PAGES}README.md', '_build']  # index.rst includes README.md
+exclude_patterns = [f'{PAGES}README.md', '_build']  # index.rst includes README.md
 
-extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'sphinx_gallery.gen_gallery', 'from_code']
+extensions = ['myst_parser', 'sphinx_gallery.gen_gallery']
 myst_heading_anchors = 4  # Generate the same heading anchors as GitHub.
 html_theme = 'sphinx_rtd_theme'
 html_theme_options = {'navigation_depth': 3, 'collapse_navigation': False}
@@ -32,19 +30,6 @@ html_static_path = [f'{PAGES}_static']
 html_css_files = ['site.css']
 default_role = 'code'  # Our docstrings mark code with single backquotes.
 highlight_language = 'none'  # Indented blocks contain commands, diagrams and files.
-
-autodoc_typehints = 'signature'
-autodoc_typehints_format = 'short'
-autodoc_member_order = 'bysource'
-autodoc_preserve_defaults = True
-napoleon_google_docstring = False
-napoleon_use_param = False  # Types such as `float (rows, cols)` are text, not links.
-napoleon_use_rtype = False
-nitpicky = True
-#: Names that have no page here: names in other libraries, and internal names of our package.
-nitpick_ignore_regex = [('py:.*', r'(numpy|np|scipy|matplotlib|pathlib|collections|typing|enum|os)\..*'),
-                        ('py:.*', r'(ArrayLike|Path|ndarray|NDArray|Axes|Any|Iterator|Mapping|Sequence|Callable)'),
-                        ('py:.*', r'tactile_node\..*')]
 
 sphinx_gallery_conf = {
     'examples_dirs': [str(ROOT / 'examples/science')],

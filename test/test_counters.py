@@ -25,8 +25,8 @@ from tactile_node.viewing.counts_table import counts_table  # noqa: E402
 from tactile_node.viewing.states import facts_of, facts_of_status  # noqa: E402
 from tactile_skin.msg import NodeStatus, PadStatus, SkinStatus  # noqa: E402
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'docs/_ext'))
-import from_code.counters  # noqa: E402
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tools'))
+from reference import counters as page  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -53,7 +53,7 @@ def counted(name, place):
     diagnostics, status = sent()
     part = (status, status.pads[0], status.pads[0].nodes[0])[place]
     values = {pair.key: pair.value for pair in diagnostics.status[min(place, 1)].values}
-    return values.get(name), getattr(part, name), f'| `{name}` |' in from_code.counters.markdown()
+    return values.get(name), getattr(part, name), f'| `{name}` |' in page.markdown()
 
 
 @pytest.mark.parametrize(('table', 'name', 'place'), ROWS)
@@ -63,7 +63,7 @@ def test_a_counter_is_added_or_removed_everywhere_at_once(monkeypatch, table, na
     assert counted(name, place) == (None, 0, False)
     monkeypatch.setattr(counters, table, (*others, Counter(name, 'a new one', lambda source: 77)))
     assert counted(name, place) == ('77', 77, True)
-    assert f'| `{name}` | a new one |' in from_code.counters.markdown()
+    assert f'| `{name}` | a new one |' in page.markdown()
 
 
 def test_a_loss_of_the_bus_warns_and_is_in_the_view(monkeypatch):

@@ -58,7 +58,7 @@ OF_INTERFACES = {'action_msgs'}
 NOT_IN_EVERY_ROS = {f'rclpy.{name}' for name in (
     'destroyable', 'endpoint_info', 'experimental', 'qos_event', 'subscription_content_filter_options',
     'topic_endpoint_info')}
-OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'examples', 'from_code',
+OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'examples', 'reference',
         *(path.stem for folder in ('tools', 'bench', 'examples') for path in (ROOT / folder).glob('*.py'))}
 #: Modules that only individual tests or examples import. A robot needs them only for such an example, and a developer
 #: only for such a test.

@@ -1,7 +1,7 @@
 """The keys of a skin layout file: the kind, range, default and meaning of each key.
 
-``layout_file`` reads a file with these keys. ``tools/write_schema.py`` writes ``config/skin_layout.schema.json`` from
-them. Rules that involve several keys are in ``layout_file`` and ``layout_rules``.
+``layout_file`` reads a file with these keys. `make reference` writes ``config/skin_layout.schema.json`` from them.
+Rules that involve several keys are in ``layout_file`` and ``layout_rules``.
 """
 
 from dataclasses import dataclass

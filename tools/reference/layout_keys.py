@@ -4,9 +4,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from reference import markdown as md
 from tactile_node.skin.layout_keys import layout_schema
-
-from . import markdown as md
 
 Schema = dict[str, Any]
 
@@ -39,7 +38,7 @@ def _section(key: str, kind: Schema) -> str:
     rows = ((md.code(name), md.code(written(inner)), 'required' if name in kind['required'] else _default(inner),
              md.prose(inner.get('description', ''))) for name, inner in kind['properties'].items())
     heading = f'## {md.code(key)}' if key else '## At the top'
-    return '\n\n'.join((heading, md.prose(kind.get('description', '')),
+    return '\n\n'.join((heading, md.paragraph(kind.get('description', '')),
                         md.table(('key', 'value', 'default', 'meaning'), rows)))
 
 

@@ -13,15 +13,14 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from reference import markdown as md
+from reference.interfaces import files_of, first_sentence
 from tactile_node.node_graph import bus_nodes
 from tactile_node.nodes.spinner import spinning
 from tactile_node.nodes.system import System
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.touches import gripper_sources
 from tactile_node.skin.pads import make_pads, with_dictionaries
-
-from . import markdown as md
-from .interfaces import files_of, first_sentence
 
 PADS, NODE_IDS, LAYOUT = ['left', 'right'], [32, 64], 'sim16x16.yaml'
 NAMESPACE = 'documented'  # No other node on this machine uses this namespace.
@@ -67,7 +66,7 @@ def markdown() -> str:
          OF_STANDARD_TYPES.get(each.name) or about(each.type)) for each in graph.topics)),
         '## Services', md.table(('service', 'type', 'of', 'what it is'), (
             (md.code(each.name), linked(each.type), who(each.node), about(each.type)) for each in services)),
-        'Every node has the services of its parameters too: ' + ', '.join(map(md.code, OF_EVERY_NODE)) + '.']
+        'Every node also has these services:', '\n'.join(f'- {md.code(name)}' for name in OF_EVERY_NODE)]
     if graph.actions:
         parts += ['## Actions', md.table(('action', 'type', 'of', 'what it is'), (
             (md.code(each.name), linked(each.type), who(each.node), about(each.type)) for each in graph.actions))]

@@ -1,6 +1,9 @@
 """Write tables, code and prose in Markdown."""
 
+import textwrap
 from collections.abc import Iterable, Sequence
+
+COLUMNS = 120
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -27,6 +30,11 @@ def prose(text: str) -> str:
     'on \\\\<pad>/shape, see 2\\\\*pi and tpdo_ages'
     """
     return ''.join('\\' + letter if letter in '<*[]' else letter for letter in text)
+
+
+def paragraph(text: str) -> str:
+    """Return a comment from a message file as a paragraph of lines that fit into COLUMNS."""
+    return textwrap.fill(prose(text), COLUMNS, break_long_words=False, break_on_hyphens=False)
 
 
 def _cell(text: str) -> str:

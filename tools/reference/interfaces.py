@@ -9,9 +9,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
-from . import markdown as md
+from reference import markdown as md
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 #: Heading on the page, and names of the file sections, by folder. In the files, --- separates the sections.
 KINDS = {'msg': ('Messages', ('',)), 'srv': ('Services', ('Request', 'Response')),
          'action': ('Actions', ('Goal', 'Result', 'Feedback'))}
@@ -54,7 +54,7 @@ def page_part(path: Path) -> str:
         parts += [f'**{name}**'] if name else []
         blocks = _blocks(text)
         while blocks and isinstance(blocks[0], str):
-            parts.append(md.prose(blocks.pop(0)))
+            parts.append(md.paragraph(blocks.pop(0)))
         parts += [_table(blocks)] if blocks else []
     return '\n\n'.join(parts)
 

@@ -2,11 +2,10 @@
 
 import math
 
+from reference import markdown as md
 from tactile_node.ros import settings
 from tactile_node.ros.gripper_settings import GripperSettings
 from tactile_node.ros.parameters import NodeSettings, Parameter, table
-
-from . import markdown as md
 
 #: Settings class of each node, in the order in which data passes through the nodes.
 NODES = {'skin_driver': settings.DriverSettings, 'processor': settings.ProcessorSettings,

@@ -2,10 +2,9 @@
 
 from collections.abc import Iterable, Iterator
 
+from reference import markdown as md
 from tactile_node.assembly import counters
 from tactile_node.assembly.frame_source import LossReason
-
-from . import markdown as md
 
 
 def markdown() -> str:
