@@ -32,7 +32,8 @@ SOURCES: Mapping[str, tuple[str, str, Callable[[Any, int], Any]]] = MappingProxy
     'array': ('std_msgs', 'Float32MultiArray', lambda message, pad: message.data),
     'image': ('sensor_msgs', 'Image', lambda message, pad: pixels(message)),
     'robotiq': ('robotiq_tsf', 'StaticData', lambda message, pad: message.taxels[pad].values),
-    # The list of sensors has no gaps for missing sensors. Only sensor_pos, counted from 1, identifies a sensor.
+    # The list of sensors has no gaps for missing sensors. Only sensor_pos, counted from 1, identifies a sensor. The
+    # shear in x and y is dropped, because TaxelArray has no field for it.
     'xela': ('xela_server_ros2', 'SensStream', lambda message, pad: [
         each.z for sensor in message.sensors if sensor.sensor_pos == pad + 1 for each in sensor.forces])})
 PARAMETERS = {'source': 'array', 'pad': 0, 'rows': 12, 'cols': 8, 'pitch': 0.004, 'unit': 'Pa', 'scale': 1.0,
