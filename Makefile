@@ -31,7 +31,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help setup demo check test coverage faults misled hosts bench grasps train reproduce soak socketcan fuzz lint \
-	types architecture reference docs commands lowest dist deb deb-test kilted distros lock clean view-test
+	types architecture reference docs commands lowest dist release-check deb deb-test kilted distros lock clean view-test
 
 FIRST := demo setup test check docs commands bench faults reproduce clean
 help:  ## list all targets
@@ -179,6 +179,10 @@ lowest:  ## run the tests with the lowest versions that setup.cfg allows (LOWEST
 	@$(MAKE) --no-print-directory setup VENV=$(CURDIR)/.venv-lowest PYTHON=$(LOWEST_PYTHON) BUILD=build/lowest \
 		LOCK='requirements/ros.in requirements/lowest.txt'
 	@AMENT_PREFIX_PATH=$(CURDIR)/.venv-lowest .venv-lowest/bin/python -m pytest test -q -p no:cacheprovider $(TESTS)
+
+release-check: setup  ## check everything that a release needs: versions, notes, frozen messages, all tests (an hour)
+	@$(BIN)/python tools/check_release.py
+	@$(MAKE) --no-print-directory test misled docs dist deb lowest kilted
 
 dist: setup  ## build dist/*.whl and *.tar.gz, and try each of them in a fresh environment
 	@$(BIN)/python tools/make_distributions.py dist
