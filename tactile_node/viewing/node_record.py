@@ -73,7 +73,7 @@ class BusRecord:
         if message.arbitration_id == NMT and not message.is_extended_id and len(message.data) == NMT_BYTES:
             self._commands.add(ReportedEvent(stamp, command_text(ForeignCommand(*message.data))))
 
-    def report(self, can_frames: dict[str, int] | None) -> BusReport:
+    def report(self, can_frames: Mapping[str, int] | None) -> BusReport:
         return BusReport(self._load(), None, can_frames, self._gaps, self._commands,
                          tuple(sorted(self._channels)))
 
