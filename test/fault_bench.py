@@ -212,7 +212,7 @@ class FaultBench(Bench):
         return self
 
     @property
-    def last_emergency(self) -> Emergency | None:
+    def emcy_last(self) -> Emergency | None:
         """The latest EMCY of node 32."""
         return self.driver.monitor.emergencies[32].last
 
@@ -250,7 +250,7 @@ class FaultBench(Bench):
         """
         nodes = [self.node(pad) for pad in pads or ('pad32',)]
         if any(node.outages for node in nodes):
-            self.wait(lambda: all(self.node(pad).outage_present_cause is None for pad in pads or ('pad32',)),
+            self.wait(lambda: all(self.node(pad).outage_present_reason is None for pad in pads or ('pad32',)),
                       'an outage stays')
             raise (TooSlowError if self._was_held_up() else AssertionError)(f'{nodes}; {self.log.errors}')
 

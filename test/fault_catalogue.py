@@ -170,7 +170,7 @@ def _command(bench: FaultBench, command: ForeignCommand) -> None:
     bench.end_of_cause().detect(command)
     bench.recover()
     facts = bench.driver.facts()
-    assert (facts.foreign_nmt_commands, facts.last_command) == (1, command) and bench.node().outages <= 1
+    assert (facts.foreign_nmt_commands, facts.foreign_nmt_last) == (1, command) and bench.node().outages <= 1
 
 
 @fault()
@@ -528,7 +528,7 @@ def emcy_storm(bench: FaultBench) -> None:
     bench.detect(kind=lambda fact: isinstance(fact, Emergency) and (fact.code, fact.register) == (0x4210, 0x09))
     bench.wait(lambda: bench.node().emcy_count == 2000, 'not all counted')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-    assert bench.last_emergency.manufacturer[-1] == 1999 & 0xFF
+    assert bench.emcy_last.manufacturer[-1] == 1999 & 0xFF
     assert sum(isinstance(fact, Emergency) for fact in bench.log.error_facts) < 10
 
 
@@ -539,7 +539,7 @@ def short_emcy(bench: FaultBench) -> None:
         bench.send(0x0A0, data)
     bench.wait(lambda: bench.node().emcy_count == 4, 'not counted')
     bench.detect(kind=lambda fact: isinstance(fact, Emergency))
-    assert (bench.last_emergency.code, bench.last_emergency.register) == (0x4210, 9)
+    assert (bench.emcy_last.code, bench.emcy_last.register) == (0x4210, 9)
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
 
 
@@ -549,7 +549,7 @@ def emcy_until_it_is_reset(bench: FaultBench) -> None:
 
     def has(code: int | None, count: int) -> None:
         bench.wait(lambda: bench.node().emcy_count == count, 'not counted')
-        active = bench.node().active_emergency
+        active = bench.node().emcy_active
         assert (active.code if active else None) == code
     for count, (data, code) in enumerate((('1042090000000000', 0x4210), ('0000080000000000', 0x4210),
                                           ('0000000000000000', None), ('3081110000000000', 0x8130)), 1):

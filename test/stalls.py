@@ -216,7 +216,7 @@ def stall(part: str, seconds: float) -> Callable[[str], StallBench]:
             elif seconds >= 1.0:
                 bench.wait_for_report(NodeFault.SILENT)
                 nodes = bench.nodes
-                bench.assert_in_time(all(node.outage_cause is NodeFault.SILENT for node in nodes))
+                bench.assert_in_time(all(node.outage_last_reason is NodeFault.SILENT for node in nodes))
                 bench.wrong_durations += [f'an outage of {node.outage_seconds:.2f} s' for node in nodes
                                           if not seconds - 0.5 < node.outage_seconds < seconds + ALLOWED]
         return bench

@@ -9,7 +9,6 @@ from diagnosed import diagnosed
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tactile_node.assembly.facts import BusFacts, LossReason, NodeFacts, PadFacts
-from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.health import (
     BusFault,
     Failure,
@@ -85,8 +84,8 @@ def test_statuses_have_the_nodes_full_name():
 
 def test_a_dead_bus_is_an_error_with_its_reason():
     failure = Failure(BusFault.RECEPTION_FAILED, 'unplugged')
-    status = diagnosed(each_second(), seen(stopped_by=failure)).status[0]
-    assert (status.level, status.message, status.hardware_id) == (ERROR, failure_text(failure), 'can0')
+    status = diagnosed(each_second(), seen(failure=failure)).status[0]
+    assert (status.level, status.message, status.hardware_id) == (ERROR, str(failure), 'can0')
     assert value_of(status, 'fault') == 'RECEPTION_FAILED'
 
 
@@ -94,8 +93,8 @@ def test_a_dead_bus_is_an_error_with_its_reason():
     ({}, OK, '20 taxel frames'),
     ({'fault': NodeFault.SILENT}, ERROR, NodeFault.SILENT.phrase),
     ({'state': NmtState.STOPPED, 'operational': False}, ERROR, 'STOPPED'),
-    ({'outages': 1, 'outage_seconds': 0.3, 'outage_cause': NodeFault.BOOTED}, WARN, NodeFault.BOOTED.phrase),
-    ({'emcy_count': 1, 'last_emergency': decode_emergency(bytes.fromhex('1042090000000000'), 0.0)}, WARN, '0x4210'),
+    ({'outages': 1, 'outage_seconds': 0.3, 'outage_last_reason': NodeFault.BOOTED}, WARN, NodeFault.BOOTED.phrase),
+    ({'emcy_count': 1, 'emcy_last': decode_emergency(bytes.fromhex('1042090000000000'), 0.0)}, WARN, '0x4210'),
     ({'frames_distrusted': 3}, WARN, '3 taxel frames'),
 ])
 def test_a_pad_is_ok_only_while_its_node_is(changes, level, text):
@@ -109,8 +108,8 @@ def test_a_pad_is_ok_only_while_its_node_is(changes, level, text):
 def test_an_error_a_device_still_has_stays_reported_until_it_reports_its_end():
     diagnostics = each_second()
     fault, gone = (decode_emergency(bytes.fromhex(text), 0.0) for text in ('1042090000000000', '0000000000000000'))
-    found = [levels(diagnostics, healthy_but(frames=10 * (i + 1), emcy_count=count, last_emergency=last,
-                                             active_emergency=active))[1]
+    found = [levels(diagnostics, healthy_but(frames=10 * (i + 1), emcy_count=count, emcy_last=last,
+                                             emcy_active=active))[1]
              for i, (count, last, active) in enumerate([(0, None, None), (1, fault, fault), (1, fault, fault),
                                                         (2, gone, None), (2, gone, None), (2, gone, fault)])]
     assert found == [OK, WARN, WARN, WARN, OK, WARN]
@@ -118,8 +117,8 @@ def test_an_error_a_device_still_has_stays_reported_until_it_reports_its_end():
 
 @pytest.mark.parametrize('bus, level', [
     ({}, OK), ({'error_passive': True}, WARN),
-    ({'outages': 1, 'outage_seconds': 0.2, 'outage_cause': Failure(BusFault.BUS_OFF)}, WARN),
-    ({'foreign_nmt_commands': 1, 'last_command': ForeignCommand(2, 32)}, WARN),
+    ({'outages': 1, 'outage_seconds': 0.2, 'outage_last_reason': Failure(BusFault.BUS_OFF)}, WARN),
+    ({'foreign_nmt_commands': 1, 'foreign_nmt_last': ForeignCommand(2, 32)}, WARN),
     ({'sync_fault': SyncFault.NONE, 'foreign_syncs': 3}, OK), ({'overload': Overload.NONE, 'stalls': 3}, OK),
     ({'sync_fault': SyncFault.SECOND_PRODUCER, 'foreign_syncs': 3}, WARN),
     ({'sync_fault': SyncFault.OTHER_PERIOD, 'sync_period': 0.04}, WARN),
@@ -130,7 +129,7 @@ def test_the_bus_is_ok_only_while_nothing_happens_to_it(bus, level):
 
 def test_values_of_a_node_are_reported_by_name():
     last = decode_emergency(bytes.fromhex('3081110000000000'), 0.0)
-    facts = healthy_but(heartbeat_age=0.25, emcy_count=4, last_emergency=last, outages=2, outage_seconds=1.5)
+    facts = healthy_but(heartbeat_age=0.25, emcy_count=4, emcy_last=last, outages=2, outage_seconds=1.5)
     pad = diagnosed(each_second(), replace(facts, bus_load=0.305)).status
     values = {item.key: item.value for status in pad for item in status.values}
     assert values['bus_load_percent'] == '30.5'

@@ -8,9 +8,7 @@ import pytest
 
 from tactile_node.assembly.facts import NodeFacts
 from tactile_node.assembly.fault_text import (
-    command_text,
     failure_of,
-    failure_text,
     reaction_text,
 )
 from tactile_node.assembly.health import (
@@ -64,8 +62,8 @@ def test_a_nodes_sentence_tells_the_last_heartbeat():
 
 def test_the_sentence_about_an_ongoing_outage_gives_the_reason():
     node = NodeFacts('left', 32, NmtState.OPERATIONAL, True, 0.1, NodeFault.AWAITING_TAXELS,
-                     outage_cause=NodeFault.BOOTED,
-                     outage_present_cause=Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
+                     outage_last_reason=NodeFault.BOOTED,
+                     outage_present_reason=Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
     assert node.fault_text.endswith('not back yet; the outage: the CAN bus cannot send: Transmit buffer full.')
 
 
@@ -82,10 +80,9 @@ def test_a_nodes_sentence_names_the_tpdos_and_errors_that_are_known():
 
 
 def test_a_failure_is_its_phrase_and_detail():
-    assert failure_text(None) == ''
-    assert failure_text(NodeFault.BOOTED) == NodeFault.BOOTED.phrase
-    assert failure_text(Failure(BusFault.BUS_OFF, 'x.')) == failure_text(Failure(BusFault.BUS_OFF, 'x'))
-    assert failure_text(Failure(BusFault.BUS_OFF, 'x')) == 'the CAN controller is bus-off: x'
+    assert str(NodeFault.BOOTED) == NodeFault.BOOTED.phrase
+    assert str(Failure(BusFault.BUS_OFF, 'x.')) == str(Failure(BusFault.BUS_OFF, 'x'))
+    assert str(Failure(BusFault.BUS_OFF, 'x')) == 'the CAN controller is bus-off: x'
 
 
 @pytest.mark.parametrize(('kind', 'fault'), [
@@ -102,11 +99,11 @@ def test_an_exception_that_is_not_ours_is_an_internal_error():
 
 
 @pytest.mark.parametrize(('command', 'text'), [
-    (None, ''), (ForeignCommand(0x81, 32), 'reset node to node 32'),
+    (ForeignCommand(0x81, 32), 'reset node to node 32'),
     (ForeignCommand(0x82, 0), 'reset communication to all nodes'), (ForeignCommand(0x02, 32), 'stop to node 32'),
     (ForeignCommand(0x55, 1), 'command 0x55 to node 1')])
 def test_commands_by_name(command, text):
-    assert command_text(command) == text
+    assert str(command) == text
 
 
 def test_each_fault_has_a_sentence_about_the_reaction():
@@ -116,7 +113,7 @@ def test_each_fault_has_a_sentence_about_the_reaction():
 
 def test_an_emergency_is_decoded_and_counted():
     last = decode_emergency(bytes.fromhex('1042090000000000'), 0.0)
-    node = NodeFacts('left', 32, NmtState.OPERATIONAL, True, 0.1, emcy_count=7, last_emergency=last)
+    node = NodeFacts('left', 32, NmtState.OPERATIONAL, True, 0.1, emcy_count=7, emcy_last=last)
     assert node.emcy_text == (
         "Node 32 (pad 'left') sends EMCY 0x4210 (device temperature), error register: generic, temperature; "
         '7 EMCY in all.')

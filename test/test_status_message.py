@@ -14,7 +14,6 @@ from diagnosed import diagnosed
 from rclpy.qos import DurabilityPolicy
 
 from tactile_node.assembly.facts import BusFacts, LossReason, NodeFacts, PadFacts
-from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.health import (
     BusFault,
     Failure,
@@ -41,7 +40,7 @@ WELL = PadFacts('left', frames_complete=9, tpdos_expected=320, tpdos_received=32
 
 def message(late=0, fault=NodeFault.NONE, **bus):
     node = NodeFacts('left', 32, NmtState.OPERATIONAL, True, boots=1, fault=fault, outages=2, outage_seconds=1.5,
-                     outage_cause=NodeFault.BOOTED)
+                     outage_last_reason=NodeFault.BOOTED)
     pad = PadFacts('left', frames_complete=9, frames_incomplete=1, tpdos_expected=320, tpdos_received=319 + late,
                    tpdos_used=318, losses={LossReason.LATE: late, LossReason.SHORT: 1}, nodes=(node,))
     facts = BusFacts((pad,), error_frames=4, queue_overruns=2, clock_jumps=3, bus_load=0.25, **bus)
@@ -78,9 +77,9 @@ def test_level_is_the_worst_of_bus_and_pads():
 def test_a_failure_has_its_code_and_text():
     well, failure = message(), Failure(BusFault.BUS_OFF, 'restart-ms')
     assert (well.fault, well.failure) == (SkinStatus.FAULT_NONE, '')
-    failed = message(stopped_by=failure)
+    failed = message(failure=failure)
     assert (failed.level, failed.fault, failed.failure) == (
-        SkinStatus.ERROR, SkinStatus.FAULT_BUS_OFF, failure_text(failure))
+        SkinStatus.ERROR, SkinStatus.FAULT_BUS_OFF, str(failure))
 
 
 @pytest.mark.parametrize(('kind', 'faults', 'prefix'), [

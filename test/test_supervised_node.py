@@ -197,7 +197,7 @@ def test_a_stop_ends_the_outage_without_a_message(clock, caplog):
     device.sends = False
     device.run(1.0)
     device.node.handle(NodeEvent.STOPPED, clock[0])
-    assert device.node.facts(clock[0]).outage_present_cause is None and 'again after' not in caplog.text
+    assert device.node.facts(clock[0]).outage_present_reason is None and 'again after' not in caplog.text
 
 
 def test_an_emcy_is_logged_and_repetitions_less_and_less_often(clock, caplog):

@@ -14,13 +14,14 @@ import pytest
 from viewed import NAN, HandSource, contact, state, until
 
 from tactile_node.assembly.facts import BusFacts, LossReason, NodeFacts, PadFacts, losses_in, pad_counts
+from tactile_node.assembly.facts_history import FactsHistory
 from tactile_node.assembly.health import BusFault, Failure, NodeFault
 from tactile_node.cia301.objects import NmtState
 from tactile_node.colour_map import PALETTE, levels
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.contact_text import contact_text
-from tactile_node.viewing.counts_table import HealthHistory, counts_table
+from tactile_node.viewing.counts_table import RECENT_TIME, counts_table
 from tactile_node.viewing.drawn_pad import OLD_AGE, Scales
 from tactile_node.viewing.pad_picture import pad_picture
 from tactile_node.viewing.pad_recogniser import PadRecogniser
@@ -138,7 +139,7 @@ def test_names_from_topics_are_text_and_not_html():
 
 def test_a_failure_of_the_bus_is_text_and_not_html():
     """The text of a bus failure may contain words from a log or an adapter."""
-    assert '<img' not in counts_table(BusFacts(stopped_by=Failure(BusFault.BUS_OFF, '<img src=x onerror=alert(1)>')))
+    assert '<img' not in counts_table(BusFacts(failure=Failure(BusFault.BUS_OFF, '<img src=x onerror=alert(1)>')))
 
 
 def test_a_force_of_saturated_taxels_is_a_lower_bound():
@@ -359,7 +360,7 @@ def counted(lost, expected, overruns=0):
 
 
 def test_a_loss_is_red_for_a_minute():
-    history, lost, later = HealthHistory(), counted(7, 200, 3), counted(7, 5000, 3)
+    history, lost, later = FactsHistory(RECENT_TIME), counted(7, 200, 3), counted(7, 5000, 3)
     history.before(counted(0, 100), 1000.0)
     table = counts_table(lost, before=history.before(lost, 1001.0))
     assert 'class=bad' in table and rows_of(table)['lost: late'] == '7 (7 in 1 s)'
@@ -372,7 +373,7 @@ def test_a_loss_is_red_for_a_minute():
 
 def test_restarted_counters_are_not_compared_with_earlier_ones():
     """The driver was restarted, so its 9 losses must not be read as 2 more than the 7 losses before."""
-    history = HealthHistory()
+    history = FactsHistory(RECENT_TIME)
     for stamp, facts in enumerate((counted(7, 5000), counted(9, 90), counted(12, 190))):
         before = history.before(facts, float(stamp))
     assert rows_of(counts_table(facts, before=before))['lost: late'] == '12 (3 in 1 s)'

@@ -5,7 +5,8 @@ counts or observes: the assembler, the router, the bus and the supervisor, in th
 /diagnostics, the view, the report, the summaries and the log are made from these facts.
 
 Fields and properties have the names of the fields of SkinStatus, PadStatus and NodeStatus. Code that reads only these
-names, such as the view, therefore reads a message in the same way as facts.
+names, such as the view, therefore reads a message in the same way as facts. Where a message has a text, the facts may
+have an object with that text, or None instead of ''.
 
 A counter starts at 0 when the driver is configured, and never decreases.
 """
@@ -16,13 +17,7 @@ from dataclasses import dataclass, field, fields
 from math import isnan, nan
 from typing import Any
 
-from tactile_node.assembly.fault_text import (
-    command_text,
-    failure_text,
-    node_label,
-    order_text,
-    tpdos_text,
-)
+from tactile_node.assembly.fault_text import node_label, order_text, tpdos_text
 from tactile_node.assembly.health import (
     BusFault,
     Failure,
@@ -67,10 +62,10 @@ class NodeFacts:
     frames_distrusted: int = counter(
         'taxel frames published without values of this node, because it was not configured (restart or refusal)')
     outage_seconds: float = 0.0  #: total duration of the outages [s]
-    outage_cause: Failure | NodeFault | None = None  #: initial cause of the last outage
-    outage_present_cause: Failure | NodeFault | None = None  #: present cause of an ongoing outage
-    last_emergency: Emergency | None = None
-    active_emergency: Emergency | None = None  #: last error that the device has not cleared yet
+    outage_last_reason: Failure | NodeFault | None = None  #: initial cause of the last outage
+    outage_present_reason: Failure | NodeFault | None = None  #: present cause of an ongoing outage
+    emcy_last: Emergency | None = None
+    emcy_active: Emergency | None = None  #: last error that the device has not cleared yet
     missing_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while other TPDOs of the node do
     surplus_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that are received more often than SYNC
     tpdo_order: TpdoOrder | None = None  #: sending order of the TPDOs if it differs from the layout, else None
@@ -79,18 +74,6 @@ class NodeFacts:
     @property
     def nmt_state_text(self) -> str:
         return state_name(self.state)
-
-    @property
-    def emcy_last(self) -> str:
-        return str(self.last_emergency or '')
-
-    @property
-    def emcy_active(self) -> str:
-        return str(self.active_emergency or '')
-
-    @property
-    def outage_last_reason(self) -> str:
-        return failure_text(self.outage_cause)
 
     @property
     def fault_text(self) -> str:
@@ -102,13 +85,13 @@ class NodeFacts:
         if not self.fault.is_fault:
             return ''
         if self.fault is NodeFault.AWAITING_TAXELS:
-            cause = self.outage_present_cause
-            reason = f'; the outage: {failure_text(cause)}' if cause is not None else ''
+            cause = self.outage_present_reason
+            reason = f'; the outage: {cause}' if cause is not None else ''
         elif isnan(self.heartbeat_age):
             reason = ' (no heartbeat so far)'
         else:
             reason = f' (last heartbeat {self.heartbeat_age:.1f} s ago: {self.nmt_state_text})'
-        return f'{node_label(self.pad, self.node_id)}: {self.fault.phrase}{self._details}{reason}.'
+        return f'{node_label(self.pad, self.node_id)}: {self.fault}{self._details}{reason}.'
 
     @property
     def emcy_text(self) -> str:
@@ -204,7 +187,7 @@ class BusFacts:
     """Facts about a bus or a log, and its pads."""
 
     pads: tuple[PadFacts, ...] = ()
-    stopped_by: Failure | None = None  #: reason why nothing can be received; None if the bus works
+    failure: Failure | None = None  #: reason why nothing can be received; None if the bus works
     active: bool = True  #: True if SYNC is on and the nodes are expected to be OPERATIONAL
     #: CAN frames received, by service; 'tpdo' counts the TPDOs of the pads, and 'foreign' counts the frames that belong
     #: to no pad
@@ -232,8 +215,8 @@ class BusFacts:
     tx_error_count: int = 0  #: transmit error counter of the CAN controller
     rx_error_count: int = 0  #: receive error counter of the CAN controller
     outage_seconds: float = 0.0  #: total duration of the outages of the bus [s]
-    outage_cause: Failure | None = None  #: initial cause of the last outage of the bus
-    last_command: ForeignCommand | None = None  #: last NMT command from another master
+    outage_last_reason: Failure | None = None  #: initial cause of the last outage of the bus
+    foreign_nmt_last: ForeignCommand | None = None  #: last NMT command from another master
     sync_fault: SyncFault = SyncFault.NOT_KNOWN
     sync_period: float = nan  #: period measured while another device produces SYNC [s], else NaN
     #: overload of this process; during an overload, frames that seem to be missing may only be waiting to be processed
@@ -246,19 +229,7 @@ class BusFacts:
     @property
     def fault(self) -> BusFault:
         """Fault of the bus; NONE if the bus has not failed."""
-        return BusFault.NONE if self.stopped_by is None else self.stopped_by.fault
-
-    @property
-    def failure(self) -> str:
-        return failure_text(self.stopped_by)
-
-    @property
-    def outage_last_reason(self) -> str:
-        return failure_text(self.outage_cause)
-
-    @property
-    def foreign_nmt_last(self) -> str:
-        return command_text(self.last_command)
+        return BusFault.NONE if self.failure is None else self.failure.fault
 
 
 #: Names of the counters of losses on the bus itself.

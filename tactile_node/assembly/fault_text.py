@@ -5,13 +5,11 @@ from math import isnan
 from tactile_node.assembly.health import (
     BusFault,
     Failure,
-    ForeignCommand,
     NodeFault,
     SentTpdo,
     SyncState,
     TpdoOrder,
 )
-from tactile_node.cia301.objects import command_name
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
 
 _REACTIONS = {
@@ -34,21 +32,6 @@ def failure_of(error: Exception) -> Failure:
     if not isinstance(error, TactileError):
         return Failure(BusFault.INTERNAL_ERROR, f'{type(error).__name__}: {error}')
     return Failure(next((fault for kind, fault in _FAULTS if isinstance(error, kind)), BusFault.NOT_KNOWN), str(error))
-
-
-def failure_text(failure: Failure | NodeFault | None) -> str:
-    """Return a clause that describes a failure, without a full stop, or '' for None.
-
-    Examples
-    --------
-    >>> failure_text(Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
-    'the CAN bus cannot send: Transmit buffer full'
-    """
-    if failure is None:
-        return ''
-    if isinstance(failure, NodeFault):
-        return failure.phrase
-    return failure.fault.phrase + (f': {failure.detail.removesuffix(".")}' if failure.detail else '')
 
 
 def tpdos_text(tpdos: tuple[SentTpdo, ...]) -> str:
@@ -110,20 +93,6 @@ def load_text(load: float, pads: int) -> str:
 def reaction_text(fault: NodeFault) -> str:
     """Return a sentence that says how the driver reacts to a fault, or what the user can do."""
     return _REACTIONS.get(fault, 'The driver configures and starts it again.')
-
-
-def command_text(command: ForeignCommand | None) -> str:
-    """Return the text for an NMT command from another master, or '' for None.
-
-    Examples
-    --------
-    >>> command_text(ForeignCommand(0x81, 32)), command_text(ForeignCommand(0x02, 0))
-    ('reset node to node 32', 'stop to all nodes')
-    """
-    if command is None:
-        return ''
-    nodes = f'node {command.node_id}' if command.node_id else 'all nodes'
-    return f'{command_name(command.command)} to {nodes}'
 
 
 def node_label(pad: str, node_id: int) -> str:

@@ -1,6 +1,6 @@
 """Faults of a bus and its nodes, with the facts that describe them.
 
-The module ``fault_text`` turns them into sentences.
+The text of a fault is a clause without a full stop. The module ``fault_text`` makes sentences of such clauses.
 """
 
 from dataclasses import dataclass, replace
@@ -8,11 +8,15 @@ from enum import unique
 from math import nan
 from typing import Generic, NamedTuple, TypeVar
 
+from tactile_node.cia301.objects import command_name
 from tactile_node.code_names import PhrasedCode
 
 
 class Fault(PhrasedCode):
     """A fault. Code 0 means that the fault is not known, and code 1 means that there is no fault."""
+
+    def __str__(self) -> str:
+        return self.phrase
 
     @property
     def is_fault(self) -> bool:
@@ -101,10 +105,17 @@ class TpdoOrder(NamedTuple):
 
 
 class Failure(NamedTuple):
-    """The fault of a bus or a log."""
+    """The fault of a bus or a log. Its text is a clause without a full stop.
+
+    >>> print(Failure(BusFault.SENDING_FAILED, 'Transmit buffer full.'))
+    the CAN bus cannot send: Transmit buffer full
+    """
 
     fault: BusFault
     detail: str = ''  #: text from the adapter, the device or the operating system
+
+    def __str__(self) -> str:
+        return f'{self.fault}: {self.detail.removesuffix(".")}' if self.detail else str(self.fault)
 
 
 #: Cause of an outage. A bus has an outage because of a failure. A node has an outage because of its own fault or a
@@ -161,7 +172,14 @@ class ErrorCounters(NamedTuple):
 
 
 class ForeignCommand(NamedTuple):
-    """An NMT command (CiA 301) from another master."""
+    """An NMT command (CiA 301) from another master.
+
+    >>> print(ForeignCommand(0x81, 32), ForeignCommand(0x02, 0), sep=', ')
+    reset node to node 32, stop to all nodes
+    """
 
     command: int  #: command specifier
     node_id: int  #: addressed node; 0 for all nodes
+
+    def __str__(self) -> str:
+        return f'{command_name(self.command)} to {f"node {self.node_id}" if self.node_id else "all nodes"}'

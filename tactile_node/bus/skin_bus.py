@@ -10,7 +10,7 @@ from pathlib import Path
 import can
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.fault_text import failure_text, node_label
+from tactile_node.assembly.fault_text import node_label
 from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router
@@ -315,5 +315,5 @@ class SkinBus:
 
     def _log_failure(self, failure: Failure) -> None:
         logger.error('CAN bus %s %s has failed: %s. Repair it, then deactivate, clean up and configure the driver '
-                     'again.', self._settings.interface, self._settings.channel, failure_text(failure),
+                     'again.', self._settings.interface, self._settings.channel, failure,
                      extra={'fact': failure.fault})

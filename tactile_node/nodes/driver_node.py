@@ -268,7 +268,7 @@ class DriverNode(LifecycleNode):
         if source is not None:
             facts = source.facts()
         else:
-            facts = BusFacts(stopped_by=None if error is None else failure_of(error), active=False)
+            facts = BusFacts(failure=None if error is None else failure_of(error), active=False)
         return DriverState(self._lifecycle, facts, {name: pad.condition for name, pad in self._pads.items()})
 
     def _publish_after(self, result: TransitionCallbackReturn, goal: PrimaryState) -> TransitionCallbackReturn:

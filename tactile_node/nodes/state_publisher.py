@@ -13,7 +13,7 @@ from tactile_node.assembly.facts import BusFacts
 from tactile_node.bus.change_pace import ChangePace
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.nodes.ticker import Ticker
-from tactile_node.ros.diagnostics import EVALUATED_PERIOD, BusDiagnostics, Finding, diagnostic_array, unconfigured
+from tactile_node.ros.diagnostics import EVALUATED_PERIOD, BusDiagnostics, Finding
 from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message
 from tactile_skin.msg import SkinStatus
@@ -77,10 +77,7 @@ class StatePublisher:
         """Publish the state if it is due. Always publish the last state (``is_last``)."""
         with self._turn:
             state = self._look()
-            if state.facts.pads:
-                findings = self._findings.evaluate(state.facts, state.conditions)
-            else:
-                findings = unconfigured(state.facts)
+            findings = self._findings.evaluate(state.facts, state.conditions)
             key, now = _key(state, findings), time.monotonic()
             if is_last:
                 self._pace.note(key, now)
@@ -89,10 +86,7 @@ class StatePublisher:
             self._publish(state, findings)
 
     def _publish(self, state: DriverState, findings: tuple[Finding, ...]) -> None:
-        if state.facts.pads:
-            message = self._findings.message_of(findings, state.facts, state.conditions)
-        else:
-            message = diagnostic_array(self._name, findings[0], state.facts)
+        message = self._findings.message_of(findings, state.facts, state.conditions)
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._diagnostics.publish(message)
         self._status.publish(status_message(message, state.facts, state.conditions, state.lifecycle))

@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from itertools import repeat
 from typing import NamedTuple
@@ -10,6 +9,7 @@ from typing import NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from tactile_node.assembly.facts import BUS_LOSSES, BusFacts, NodeFacts, PadFacts, counts_of, pad_counts
+from tactile_node.assembly.facts_history import FactsHistory
 from tactile_node.assembly.fault_text import sync_text
 from tactile_node.assembly.health import SyncState
 from tactile_node.conditioning.conditioned_pad import PadCondition, faults_text
@@ -46,14 +46,18 @@ class BusDiagnostics:
                  steady: Callable[[], float] = time.monotonic):
         self._node = node
         self._hardware_id = hardware_id
-        self._window = window
         self._steady = steady
-        # facts with their times [s], in ascending order; the first ones are the reference
-        self._known: deque[tuple[float, BusFacts]] = deque([(-math.inf, BusFacts())])
+        self._history = FactsHistory(window)
+        self._history.before(BusFacts(), -math.inf)  # before the first facts, all counts are 0
 
     def evaluate(self, facts: BusFacts, conditions: Mapping[str, PadCondition]) -> tuple[Finding, ...]:
-        """Return the worst finding about the bus, then the worst finding about each pad."""
-        before = self._before(facts)
+        """Return the worst finding about the bus, then the worst finding about each pad.
+
+        Facts without a pad come from a driver that has no bus, because it has failed or is not configured.
+        """
+        if not facts.pads:
+            return (_failed(facts) or Finding(DiagnosticStatus.STALE, 'not configured'),)
+        before, _ = self._history.before(facts, self._steady())
         findings = [_worst(_bus_findings(facts, before))]
         pads_before = {pad.pad: pad for pad in before.pads}
         for pad in facts.pads:
@@ -70,6 +74,9 @@ class BusDiagnostics:
     def message_of(self, findings: Sequence[Finding], facts: BusFacts,
                    conditions: Mapping[str, PadCondition]) -> DiagnosticArray:
         """Return the message for the findings that `evaluate` returned."""
+        if not facts.pads:
+            return DiagnosticArray(
+                status=[status_of(f'{self._node}: bus', *findings[0], {'fault': facts.fault.name})])
         statuses = [self._status('bus', findings[0], _bus_values(facts))]
         for finding, pad in zip(findings[1:], facts.pads):
             extra: dict[str, object] = {}
@@ -79,28 +86,12 @@ class BusDiagnostics:
             statuses.append(self._status(pad.pad, finding, pad_counts(pad) | extra | _nodes_values(pad.nodes)))
         return DiagnosticArray(status=statuses)
 
-    def _before(self, facts: BusFacts) -> BusFacts:
-        """Return the latest facts that are at least ``window`` old. Before the first facts, all counts are zero."""
-        now, known = self._steady(), self._known
-        while len(known) > 1 and now - known[1][0] >= self._window:
-            known.popleft()
-        known.append((now, facts))
-        return known[0][1]
-
     def _status(self, part: str, finding: Finding, values: dict[str, object]) -> DiagnosticStatus:
         return status_of(f'{self._node}: {part}', *finding, values, self._hardware_id)
 
 
-def unconfigured(facts: BusFacts) -> tuple[Finding, ...]:
-    """Return the finding about a driver that has no bus, because it has failed or is not configured."""
-    if facts.failure:
-        return (Finding(DiagnosticStatus.ERROR, facts.failure),)
-    return (Finding(DiagnosticStatus.STALE, 'not configured'),)
-
-
-def diagnostic_array(node: str, finding: Finding, facts: BusFacts) -> DiagnosticArray:
-    """Return the message about a driver without a bus."""
-    return DiagnosticArray(status=[status_of(f'{node}: bus', *finding, {'fault': facts.fault.name})])
+def _failed(facts: BusFacts) -> Finding | None:
+    return None if facts.failure is None else Finding(DiagnosticStatus.ERROR, str(facts.failure))
 
 
 def _worst(findings: list[Finding]) -> Finding:
@@ -111,8 +102,8 @@ def _worst(findings: list[Finding]) -> Finding:
 
 
 def _bus_findings(now: BusFacts, before: BusFacts) -> list[Finding]:
-    if now.failure:
-        return [Finding(DiagnosticStatus.ERROR, now.failure)]
+    if failed := _failed(now):
+        return [failed]
     grown = [name for name in BUS_LOSSES if getattr(now, name) > getattr(before, name)]
     texts = [f'growing: {", ".join(grown)}'] if grown else []
     texts += _new_outages(now, before)
@@ -123,7 +114,7 @@ def _bus_findings(now: BusFacts, before: BusFacts) -> list[Finding]:
     if now.sync_fault.is_fault:
         texts.append(sync_text(SyncState(now.sync_fault, now.foreign_syncs, now.sync_period)))
     if now.overload.is_fault:
-        texts.append(f'this process is overloaded: {now.overload.phrase}')
+        texts.append(f'this process is overloaded: {now.overload}')
     return [Finding(DiagnosticStatus.WARN, one) for one in texts] or [Finding(DiagnosticStatus.OK, 'nothing lost')]
 
 
@@ -133,7 +124,7 @@ def _node_findings(now: NodeFacts, before: NodeFacts, is_active: bool) -> list[F
         level = DiagnosticStatus.ERROR if is_active else DiagnosticStatus.STALE
         findings.append(Finding(level, f'node {now.node_id} is not OPERATIONAL: {now.nmt_state_text}'))
     texts = _new_outages(now, before)
-    if now.active_emergency is not None:
+    if now.emcy_active is not None:
         texts.append(f'node {now.node_id}: {now.emcy_active}')
     elif now.emcy_count > before.emcy_count:
         texts.append(f'node {now.node_id}: {now.emcy_last}')
@@ -186,8 +177,8 @@ def _bus_values(facts: BusFacts) -> dict[str, object]:
             'tx_error_count': facts.tx_error_count,
             'rx_error_count': facts.rx_error_count,
             'error_passive': facts.error_passive, 'outage_seconds': f'{facts.outage_seconds:.2f}',
-            'outage_last_reason': facts.outage_last_reason,
-            'foreign_nmt_last': facts.foreign_nmt_last, 'sync_fault': facts.sync_fault.name,
+            'outage_last_reason': facts.outage_last_reason or '',
+            'foreign_nmt_last': facts.foreign_nmt_last or '', 'sync_fault': facts.sync_fault.name,
             'sync_period_s': '' if math.isnan(facts.sync_period) else f'{facts.sync_period:.4f}',
             'overload': facts.overload.name}
 
@@ -203,5 +194,6 @@ def _nodes_values(nodes: tuple[NodeFacts, ...]) -> dict[str, object]:
 def _node_values(node: NodeFacts) -> dict[str, object]:
     age = 'never heard' if math.isnan(node.heartbeat_age) else f'{node.heartbeat_age:.2f}'
     return {'node_id': node.node_id, 'fault': node.fault.name, 'nmt_state': node.nmt_state_text,
-            'heartbeat_age_s': age, **counts_of(node), 'emcy_last': node.emcy_last, 'emcy_active': node.emcy_active,
-            'outage_seconds': f'{node.outage_seconds:.2f}', 'outage_last_reason': node.outage_last_reason}
+            'heartbeat_age_s': age, **counts_of(node), 'emcy_last': node.emcy_last or '',
+            'emcy_active': node.emcy_active or '',
+            'outage_seconds': f'{node.outage_seconds:.2f}', 'outage_last_reason': node.outage_last_reason or ''}

@@ -59,8 +59,12 @@ def status_message(diagnostics: DiagnosticArray, facts: BusFacts,
 
 def _filled(kind: type, facts: BusFacts | PadFacts | NodeFacts, **others: Any) -> Any:
     """Return a message whose fields are filled with the facts of the same name, except for the ``others``."""
-    found = {name: getattr(facts, name) for name in kind.get_fields_and_field_types() if name not in others}
-    return kind(**others, **{name: value.value if isinstance(value, Fault) else value for name, value in found.items()})
+    for name, type_ in kind.get_fields_and_field_types().items():
+        if name not in others:
+            value = getattr(facts, name)
+            code = value.value if isinstance(value, Fault) else value
+            others[name] = str(value or '') if type_ == 'string' else code
+    return kind(**others)
 
 
 def _level(level: bytes) -> int:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.fault_text import command_text, load_text, sync_text
+from tactile_node.assembly.fault_text import load_text, sync_text
 from tactile_node.assembly.health import Overload, SyncFault, SyncState
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
@@ -203,7 +203,7 @@ class BusWatch:
         count, command = self._monitor.foreign_commands, self._monitor.last_command
         if count != self._commands_reported and self._command_throttle.is_due('NMT', now):
             self._commands_reported = count
-            logger.error('Another NMT master has sent a command: %s.', command_text(command), extra={'fact': command})
+            logger.error('Another NMT master has sent a command: %s.', command, extra={'fact': command})
 
     def look_at_counts(self, now: float, is_active: bool, counts: BusFacts, syncs_sent: int) -> BusCounts:
         """Update the SYNC and overload states, log faults, and return the counts that the node monitors need."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 import can
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.fault_text import failure_text, node_label, order_text
+from tactile_node.assembly.fault_text import node_label, order_text
 from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router, non_data_kind
@@ -144,7 +144,7 @@ class LogSource:
 
     def facts(self) -> BusFacts:
         """Return the facts about the log. A log has no nodes, so it can only fail as a whole."""
-        return replace(self._router.facts(), stopped_by=self.failure, active=self._is_active,
+        return replace(self._router.facts(), failure=self.failure, active=self._is_active,
                        unread_log_lines=self._unread + self.reader.unread, clock_jumps=self._jumps,
                        stamps_ahead=self._ahead)
 
@@ -236,7 +236,7 @@ class LogSource:
 
     def _fail(self, fault: BusFault, detail: str) -> None:
         self.failure = Failure(fault, detail)
-        logger.error('%s', failure_text(self.failure), extra={'fact': fault})
+        logger.error('%s', self.failure, extra={'fact': fault})
 
 
 def _of_pads(pads: Sequence[PadSettings]) -> set[int]:

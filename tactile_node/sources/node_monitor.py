@@ -187,9 +187,9 @@ class NodeMonitor:
             pad=self.node.pad, node_id=self.node.node_id, state=self._heard.state,
             operational=self._heard.state == NmtState.OPERATIONAL and not self._is_silent(now),
             heartbeat_age=nan if heard is None else now - heard, fault=state.fault, boots=self.boots,
-            emcy_count=emergencies.count, last_emergency=emergencies.last, active_emergency=emergencies.active,
-            outages=outages.count, outage_seconds=outages.seconds, outage_cause=outages.cause,
-            outage_present_cause=outages.current, frames_distrusted=self.distrusted,
+            emcy_count=emergencies.count, emcy_last=emergencies.last, emcy_active=emergencies.active,
+            outages=outages.count, outage_seconds=outages.seconds, outage_last_reason=outages.cause,
+            outage_present_reason=outages.current, frames_distrusted=self.distrusted,
             missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, tpdo_order=self.traffic.order,
             device_errors=self.device_errors)
 

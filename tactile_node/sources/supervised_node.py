@@ -4,7 +4,7 @@ import logging
 import time
 
 from tactile_node.assembly.facts import NodeFacts, PadFacts
-from tactile_node.assembly.fault_text import failure_text, node_label, reaction_text
+from tactile_node.assembly.fault_text import node_label, reaction_text
 from tactile_node.assembly.health import Failure, NodeFault
 from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.bus.skin_bus import SkinBus
@@ -106,7 +106,7 @@ class SupervisedNode:
         if before.outages.current is not None and state.outages.current is None:
             logger.info('%s %s again after %.2f s. Cause of the outage: %s.',
                         node_label(self.pad, self.node_id), 'gives taxels' if is_active else 'is ready',
-                        state.outages.seconds - before.outages.seconds, failure_text(state.outages.cause))
+                        state.outages.seconds - before.outages.seconds, state.outages.cause)
         if state.retried is NodeFault.NONE:
             self.monitor.device_errors = None
             self._fault_throttle.reset()
@@ -163,4 +163,4 @@ class SupervisedNode:
         facts = self.facts(now)
         if facts.emcy_count != self._emergencies_reported and self._emergency_throttle.is_due('EMCY', now):
             self._emergencies_reported = facts.emcy_count
-            logger.error('%s', facts.emcy_text, extra={'fact': facts.last_emergency})
+            logger.error('%s', facts.emcy_text, extra={'fact': facts.emcy_last})

@@ -15,7 +15,6 @@ from dataclasses import replace
 from typing import TypeVar
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import Failure, Outages
 from tactile_node.bus.bus_monitor import BusMonitor
@@ -122,7 +121,7 @@ class Supervisor:
     def start(self) -> None:
         with self._turn:
             if self._outages.current is not None:
-                raise BusError('CAN bus', expected='a working bus', got=failure_text(self.failure),
+                raise BusError('CAN bus', expected='a working bus', got=str(self.failure),
                                remedy='Wait until the driver has reopened the bus, then start again.')
             self._bus.start(without=[node.node_id for node in self._nodes if not node.monitor.is_trusted])
             self._set_active(True)
@@ -165,13 +164,14 @@ class Supervisor:
         counted, now, monitor, watch = self._bus.facts(), time.monotonic(), self.monitor, self._watch
         outages, sync = self._outages.until(now), watch.sync.state
         return replace(
-            counted, stopped_by=self.failure, active=self._is_active,
+            counted, failure=self.failure, active=self._is_active,
             pads=tuple(replace(pad, nodes=tuple(node.facts(now) for node in self._by_pad[pad.pad]))
                        for pad in counted.pads),
-            outages=outages.count, outage_seconds=outages.seconds, outage_cause=outages.cause, bus_load=watch.load,
-            error_passive=monitor.is_error_passive, tx_error_count=monitor.error_counters.tx,
-            rx_error_count=monitor.error_counters.rx, foreign_nmt_commands=monitor.foreign_commands,
-            last_command=monitor.last_command, sync_fault=sync.fault, foreign_syncs=sync.foreign,
+            outages=outages.count, outage_seconds=outages.seconds, outage_last_reason=outages.cause,
+            bus_load=watch.load, error_passive=monitor.is_error_passive,
+            tx_error_count=monitor.error_counters.tx, rx_error_count=monitor.error_counters.rx,
+            foreign_nmt_commands=monitor.foreign_commands,
+            foreign_nmt_last=monitor.last_command, sync_fault=sync.fault, foreign_syncs=sync.foreign,
             sync_period=sync.period, overload=watch.overload.kind, stalls=watch.overload.stalls)
 
     def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
@@ -229,7 +229,7 @@ class Supervisor:
         """Log the failure once and wake the supervisor. Any thread may call this method."""
         if self._outages.current is None:
             logger.error('The CAN bus has failed: %s. The driver will reopen the bus until it works.',
-                         failure_text(failure), extra={'fact': failure.fault})
+                         failure, extra={'fact': failure.fault})
         self._wake.set()
 
     def _attend_to_bus(self) -> None:

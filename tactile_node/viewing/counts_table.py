@@ -1,7 +1,6 @@
 """Table of the counts of a bus and its pads, with losses by reason, for the page of the view and for the report."""
 
 import math
-from collections import deque
 from collections.abc import Mapping
 
 from markupsafe import Markup
@@ -17,39 +16,6 @@ OLD_STATUS_AGE = 3.0  #: age above which a status is marked as old [s]; the driv
 RECENT_TIME = 60.0  #: age up to which losses are shown in red [s]
 
 
-class HealthHistory:
-    """History of a live bus over the last RECENT_TIME seconds, used to tell recent losses from earlier losses."""
-
-    def __init__(self) -> None:
-        self._facts: deque[tuple[float, int, BusFacts]] = deque()
-
-    def before(self, facts: BusFacts, stamp: float) -> tuple[BusFacts, float]:
-        """Add ``facts`` and return earlier facts for comparison.
-
-        Parameters
-        ----------
-        facts
-            Present facts.
-        stamp
-            Time at which ``facts`` were recorded [s].
-
-        Returns
-        -------
-        BusFacts
-            Facts from RECENT_TIME ago, or the oldest facts available.
-        float
-            Age of the returned facts at ``stamp`` [s].
-        """
-        expected = sum(pad.tpdos_expected for pad in facts.pads)
-        if self._facts and expected < self._facts[-1][1]:
-            self._facts.clear()  # the driver restarted, so its counters restarted at 0
-        if not self._facts or stamp > self._facts[-1][0]:  # the stamp stops advancing when the driver exits
-            self._facts.append((stamp, expected, facts))
-        while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT_TIME:
-            self._facts.popleft()
-        return self._facts[0][2], stamp - self._facts[0][0]
-
-
 def counts_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFacts, float] | None = None) -> str:
     """Return the table as HTML.
 
@@ -62,7 +28,7 @@ def counts_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     age
         Age of the facts [s]. Facts older than OLD_STATUS_AGE are marked as old.
     before
-        Earlier facts from `HealthHistory`, and their age [s]. Losses counted after the earlier facts are shown in red.
+        Earlier facts from a `FactsHistory`, and their age [s]. Losses counted after the earlier facts are shown in red.
         If ``before`` is None, all losses are shown in red.
     """
     if facts is None:
@@ -72,7 +38,7 @@ def counts_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     if is_old:
         bus, load = f'OLD: nothing newer for {age:.0f} s', 'not known'
     else:
-        bus = facts.failure or (f'nodes with a fault: {faults}' if faults else 'no failure')
+        bus = str(facts.failure or (f'nodes with a fault: {faults}' if faults else 'no failure'))
         load = 'not known (log)' if math.isnan(facts.bus_load) else f'{facts.bus_load:.0%}'
     rows = [('bus', bus, bus != 'no failure'), ('bus load', load, False)]
     earlier, span = before or (BusFacts(), None)
@@ -135,7 +101,7 @@ def _taxel_rows(pad: PadFacts) -> list[Row]:
 def _node(node: NodeFacts) -> str:
     """Return the state of a node as text. A fault text already includes the last NMT state and its time."""
     age = 'no heartbeat' if math.isnan(node.heartbeat_age) else f'heartbeat {node.heartbeat_age:.1f} s ago'
-    return '; '.join(filter(None, (node.fault_text or f'{node.nmt_state_text}; {age}', node.emcy_last)))
+    return '; '.join(filter(None, (node.fault_text or f'{node.nmt_state_text}; {age}', str(node.emcy_last or ''))))
 
 
 def _words(key: str) -> str:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.fault_text import failure_text
 from tactile_node.errors import ConfigurationError
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.topic_bag import STATUS, TAXELS, TopicBagReader, frame_of, pad_of
@@ -117,7 +116,9 @@ class LogRecording:
             pass
         source.close()
         timeline.add_facts(looked, _shown(source.facts()))
-        return failure_text(source.failure) or _of_others(source) or _without_taxels(timeline) or _unread(source)
+        if source.failure is not None:
+            return str(source.failure)
+        return _of_others(source) or _without_taxels(timeline) or _unread(source)
 
     def _source(self, on_frame: Callable[[str, TaxelFrame], None], on_time: Callable[[float], None]) -> LogSource:
         return LogSource(self._path, self._settings, on_frame, pace=None, channel=self._channel, on_time=on_time,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.fault_text import failure_of, failure_text
+from tactile_node.assembly.fault_text import failure_of
 from tactile_node.viewing.states import GraspFacts, PadState
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class Store:
 
     def put_error(self, error: Exception) -> None:
         """Store ``error``, which stopped the source, as the problem to show."""
-        self.put_problem(failure_text(failure_of(error)))
+        self.put_problem(str(failure_of(error)))
 
     def forget(self, pad: str) -> None:
         """Forget the state of ``pad``, as if no frame had been received."""
