@@ -57,7 +57,7 @@ def status_message(diagnostics: DiagnosticArray, facts: BusFacts,
                    pads=[_pad(status, pad, conditions.get(pad.pad)) for status, pad in zip(pads, facts.pads)])
 
 
-def _filled(kind: type, facts: BusFacts | PadFacts | NodeFacts, **others: Any) -> Any:
+def _filled(kind: Any, facts: BusFacts | PadFacts | NodeFacts, **others: Any) -> Any:
     """Return a message whose fields are filled with the facts of the same name, except for the ``others``."""
     for name, type_ in kind.get_fields_and_field_types().items():
         if name not in others:
