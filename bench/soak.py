@@ -179,14 +179,14 @@ class Soak:
         self._cpu, self._row_begin = time.process_time(), self._begin
 
     def row(self) -> Row:
-        pads = self.driver.statistics().pads.values()
-        counts = np.array([(pad.published, pad.incomplete, max(pad.expected - pad.received, 0),
-                            sum(pad.losses.values())) for pad in pads]).sum(0)
+        facts = self.driver.facts()
+        counts = np.array([(pad.published, pad.frames_incomplete, max(pad.tpdos_expected - pad.tpdos_received, 0),
+                            sum(pad.losses.values())) for pad in facts.pads]).sum(0)
         (frames, incomplete, missing, lost), self._before = counts - self._before, counts
         taken = self._latencies.take()
         latency = tuple(np.percentile(taken, PERCENTILES) * 1e3) if len(taken) else (np.nan,) * len(PERCENTILES)
         self.rows.append(Row(minutes=(time.monotonic() - self._begin) / 60, frames=frames, incomplete=incomplete,
-                             missing=missing, lost=lost, load=100 * self.driver.health().load,
+                             missing=missing, lost=lost, load=100 * facts.bus_load,
                              stall=1e3 * self._stalls.take(), latency=latency, memory=resident(),
                              cpu=self._cpu_share(), sender=self._skin.report()))
         return self.rows[-1]
@@ -232,7 +232,7 @@ def run(args: argparse.Namespace, skin: SkinProcess, stalls: StallWatch) -> Soak
             time.sleep(max(soak._begin + number * args.window - time.monotonic(), 0))
             print('  '.join(cell.rjust(len(name)) for name, cell in zip(COLUMNS, soak.row().cells())), flush=True)
         driver.stop()
-        print(summary(driver.statistics()))
+        print(summary(driver.facts()))
         return soak
     finally:
         driver.close()

@@ -16,7 +16,7 @@ import can
 import numpy as np
 from captured_log import CapturedLog
 
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
@@ -141,8 +141,8 @@ class Loss(NamedTuple):
 def telling(assembler: PadAssembler, drop_incomplete: bool = False) -> PadAssembler:
     """Return the assembler, changed so that its calls return the lost CAN frames after the taxel frames."""
     def with_losses(call: Callable[..., Frames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
-        before, frames = assembler.statistics().losses, taxel_frames(call(*given))
-        after = assembler.statistics().losses
+        before, frames = assembler.facts().losses, taxel_frames(call(*given))
+        after = assembler.facts().losses
         return (*frames, *(Loss(reason, after[reason] - before[reason]) for reason in after
                            if after[reason] > before[reason]))
     assembler.drop_incomplete = drop_incomplete
@@ -157,11 +157,18 @@ def only(outcome: Sequence[TaxelFrame | Loss]) -> TaxelFrame | Loss | None:
     return outcome[0] if outcome else None
 
 
+def tally(assembler: PadAssembler) -> tuple[int, ...]:
+    """Return the numbers of complete and incomplete frames, and of expected, received, used and pending TPDOs."""
+    pad = assembler.facts()
+    return (pad.frames_complete, pad.frames_incomplete, pad.tpdos_expected, pad.tpdos_received, pad.tpdos_used,
+            pad.tpdos_pending)
+
+
 def is_balanced(assembler) -> bool:
     """Return True if every CAN frame that the assembler has received is either used, pending or lost."""
-    counts = assembler.statistics()
-    return (counts.received == counts.used + counts.pending + sum(counts.losses.values())
-            and counts.used == sum(counts.used_by_node))
+    counts = assembler.facts()
+    return (counts.tpdos_received == counts.tpdos_used + counts.tpdos_pending + sum(counts.losses.values())
+            and counts.tpdos_used == sum(counts.used_by_node))
 
 
 def taxel_frames(results: Sequence[TaxelFrame | Loss]) -> list[TaxelFrame]:

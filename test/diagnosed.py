@@ -5,5 +5,5 @@ from types import MappingProxyType
 NONE = MappingProxyType({})
 
 
-def diagnosed(diagnostics, counts, health, conditions=NONE):
-    return diagnostics.message_of(diagnostics.evaluate(counts, health, conditions), counts, health, conditions)
+def diagnosed(diagnostics, facts, conditions=NONE):
+    return diagnostics.message_of(diagnostics.evaluate(facts, conditions), facts, conditions)

@@ -202,7 +202,7 @@ class FaultBench(Bench):
         return list(iter(lambda: self.other.recv(0), None))
 
     def node(self, pad: str = 'pad32'):
-        return self.driver.health().nodes[pad][0]
+        return self.driver.facts().pad(pad).nodes[0]
 
     def cause(self) -> None:
         self._begun = self._ended = time.monotonic()
@@ -212,12 +212,12 @@ class FaultBench(Bench):
         return self
 
     @property
-    def last_emergency(self) -> Emergency | None:
+    def emcy_last(self) -> Emergency | None:
         """The latest EMCY of node 32."""
         return self.driver.monitor.emergencies[32].last
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        assert wait_until(condition, TIMEOUT), f'{what}; {self.driver.health()}; {self.log.errors}'
+        assert wait_until(condition, TIMEOUT), f'{what}; {self.driver.facts()}; {self.log.errors}'
 
     def detect(self, *facts: object, kind: Callable[[Any], bool] = lambda fact: False) -> None:
         """Wait until a warning or an error is logged with one of ``facts``, or with a fact that ``kind`` accepts."""
@@ -234,8 +234,8 @@ class FaultBench(Bench):
         for pad in pads or ('pad32',):
             self.wait_for_whole(pad, time.time() - (time.monotonic() - self._ended))
         self.publishing_again = time.monotonic() - self._ended
-        self.wait(lambda: all(node.fault is NodeFault.NONE and node.is_operational
-                              for nodes in self.driver.health().nodes.values() for node in nodes), 'a fault stays')
+        self.wait(lambda: all(node.fault is NodeFault.NONE and node.operational
+                              for pad in self.driver.facts().pads for node in pad.nodes), 'a fault stays')
 
     def wait_for_whole(self, pad: str, after: float = 0.0) -> None:
         def has_come() -> bool:
@@ -249,15 +249,15 @@ class FaultBench(Bench):
         Raises TooSlowError if the machine delayed the driver or the simulated device.
         """
         nodes = [self.node(pad) for pad in pads or ('pad32',)]
-        if any(node.outages.count for node in nodes):
-            self.wait(lambda: all(self.node(pad).outages.current is None for pad in pads or ('pad32',)),
+        if any(node.outages for node in nodes):
+            self.wait(lambda: all(self.node(pad).outage_present_reason is None for pad in pads or ('pad32',)),
                       'an outage stays')
             raise (TooSlowError if self._was_held_up() else AssertionError)(f'{nodes}; {self.log.errors}')
 
     def _was_held_up(self) -> bool:
         """Return True if the driver or the simulated device stood still for half of the heartbeat timeout."""
         answered = {} if self._answers is None else self._answers.at
-        return self.driver.health().stalls > 0 or any(
+        return self.driver.facts().stalls > 0 or any(
             answered.get(number, 0.0) - asked > HELD_UP for number, asked in enumerate(self._asked, 1))
 
     @property

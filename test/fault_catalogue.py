@@ -28,7 +28,7 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from fault_bench import TIMEOUT, FaultBench
 from stalls import STALLING, StallBench, stall
 
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.health import BusFault, ForeignCommand, NodeFault, Overload, SentTpdo, SyncFault
 from tactile_node.cia301.emergency import DeviceErrors, Emergency
 from tactile_node.cia301.objects import NmtState
@@ -97,7 +97,7 @@ def power_cycled_in_mid_stream(bench: FaultBench) -> None:
     bench.power_cycle()
     bench.end_of_cause().detect(NodeFault.BOOTED)
     bench.recover()
-    bench.wait(lambda: bench.node().outages.count == 1 and bench.node().boots == 1, 'outage not counted')
+    bench.wait(lambda: bench.node().outages == 1 and bench.node().boots == 1, 'outage not counted')
 
 
 @fault()
@@ -154,13 +154,13 @@ def another_device_comes_back(bench: FaultBench) -> None:
     bench.device.lie(0x1018, 1, (0x99).to_bytes(4, 'little'))
     bench.device.boot()
     bench.detect(kind=lambda fact: isinstance(fact, DeviceError) and '0x1018' in fact.where and '0x99' in fact.got)
-    used, seen = bench.driver.statistics().pads['pad32'].used, len(bench.kept)
+    used, seen = bench.driver.facts().pad('pad32').tpdos_used, len(bench.kept)
     bench.send(0x620, '23001801A0010000')  # another master enables the device's TPDO 1
-    bench.wait(lambda: bench.send(0x000, '0120') or bench.driver.statistics().pads['pad32'].used > used,
+    bench.wait(lambda: bench.send(0x000, '0120') or bench.driver.facts().pad('pad32').tpdos_used > used,
                'it does not send')
     bench.wait(lambda: len(bench.kept) > seen + 2, 'no frames')
     assert all(np.isnan(frame.values).all() for _, frame in bench.kept[seen:])
-    assert bench.node().fault.is_fault and bench.node().distrusted > 0
+    assert bench.node().fault.is_fault and bench.node().frames_distrusted > 0
     bench.device.power_off()
     _switch_on(bench, bench.device)
 
@@ -169,8 +169,8 @@ def _command(bench: FaultBench, command: ForeignCommand) -> None:
     bench.send(0x000, bytes(command).hex())
     bench.end_of_cause().detect(command)
     bench.recover()
-    health = bench.driver.health()
-    assert (health.foreign_commands, health.last_command) == (1, command) and bench.node().outages.count <= 1
+    facts = bench.driver.facts()
+    assert (facts.foreign_nmt_commands, facts.foreign_nmt_last) == (1, command) and bench.node().outages <= 1
 
 
 @fault()
@@ -227,7 +227,7 @@ def adapter_unplugged(bench: FaultBench) -> None:
     assert bench.driver.failure.fault in (BusFault.RECEPTION_FAILED, BusFault.SENDING_FAILED)
     bench.repair()
     bench.wait(lambda: bench.driver.failure is None, 'failure stays')
-    assert bench.driver.health().outages.count == bench.node().outages.count == 1
+    assert bench.driver.facts().outages == bench.node().outages == 1
 
 
 @fault()
@@ -254,11 +254,12 @@ def error_frames(bench: FaultBench) -> None:
     """The driver counts error frames, and reports error-passive while that state lasts. The taxels continue."""
     for flags in (0x30, 0x10):
         bench.send_error(0x004, [0, flags, 0, 0, 0, 0, 9, 130])
-    bench.wait(lambda: bench.driver.health().is_error_passive, 'not reported')
-    bench.wait(lambda: bench.driver.health().error_counters == (9, 130), 'counters not reported')
-    bench.wait(lambda: bench.driver.statistics().can_frames['error'] == 2, 'not counted')
+    bench.wait(lambda: bench.driver.facts().error_passive, 'not reported')
+    bench.wait(lambda: bench.driver.facts().rx_error_count == 130, 'receive errors not reported')
+    assert bench.driver.facts().tx_error_count == 9
+    bench.wait(lambda: bench.driver.facts().can_frames['error'] == 2, 'not counted')
     bench.send_error(0x004, [0, 0x40, 0, 0, 0, 0, 0, 0])
-    bench.wait(lambda: not bench.driver.health().is_error_passive, 'it stays')
+    bench.wait(lambda: not bench.driver.facts().error_passive, 'it stays')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
     assert bench.driver.failure is None
     bench.assert_no_outage()
@@ -289,7 +290,7 @@ def taxels_lost_while_heartbeat_flows(bench: FaultBench) -> None:
     bench.adapter.lost_ids = set(COB_IDS)
     bench.detect(NodeFault.NO_TAXELS)
     bench.repair()
-    bench.wait(lambda: bench.node().outages.count == 1, 'outage not counted')
+    bench.wait(lambda: bench.node().outages == 1, 'outage not counted')
 
 
 def _write(bench: FaultBench, *requests: str) -> None:
@@ -313,7 +314,7 @@ def tpdo_remapped_by_another_master(bench: FaultBench) -> None:
     _write(bench, '23001801A0010080',                                      # switch TPDO 1 off
            '2F001A0000000000', '23001A0110043071', '23001A0210033071',     # sub-indices 4 and 3 instead of 1 and 2
            '23001A0310023071', '23001A0410013071', '2F001A0004000000', '23001801A0010000')
-    assert bench.node().distrusted > 0
+    assert bench.node().frames_distrusted > 0
 
 
 @fault()
@@ -333,7 +334,7 @@ def one_tpdo_switched_off_unseen(bench: FaultBench) -> None:
     """One TPDO was switched off while the driver could not see it. The driver names the TPDO and switches it on."""
     bench.adapter.lost_ids = {0x620}
     bench.send(0x620, '23021801A2010080')
-    bench.wait(lambda: NodeFault.TPDO_MISSING in bench.log.facts or bench.node().outages.count, 'not logged')
+    bench.wait(lambda: NodeFault.TPDO_MISSING in bench.log.facts or bench.node().outages, 'not logged')
     bench.assert_no_outage()  # recovery from an outage would have switched the TPDO on as well
     bench.detect(NodeFault.TPDO_MISSING)
     # The repair starts with the report, because the driver does not know of the fault any earlier.
@@ -410,7 +411,7 @@ def two_devices_from_the_start(bench: FaultBench) -> None:
         assert 'node 32' in error.where
     bench.detected = time.monotonic() - bench._begun
     requests = sum(message.arbitration_id == 0x620 and message.data[0] != 0x80 for message in bench.heard())
-    bench.wait(lambda: bench.driver.statistics().can_frames.get('sdo', 0) >= 2 * requests,
+    bench.wait(lambda: bench.driver.facts().can_frames.get('sdo', 0) >= 2 * requests,
                # The driver would mistake a late response for the response to its next request for this object.
                'not answered by both')
     second.stop()
@@ -467,8 +468,7 @@ def two_masters_fight(bench: FaultBench) -> None:
     for _ in range(40):
         bench.send(0x620, '23021801A2010080')
         time.sleep(0.1)
-    outages = bench.node().outages
-    assert outages.count < 10 and sum(fact is NodeFault.RECONFIGURED for fact in bench.log.error_facts) < 4
+    assert bench.node().outages < 10 and sum(fact is NodeFault.RECONFIGURED for fact in bench.log.error_facts) < 4
     bench.wait(lambda: bench.node().fault is NodeFault.NONE, 'given up')
     bench.end_of_cause().recover()
 
@@ -479,13 +479,13 @@ def second_sync_producer(bench: FaultBench) -> None:
     bench.is_clock_true = False  # taxels that were sampled at the other SYNC get the stamp of our SYNC
     producer = bench.repeat(0x080, 0.05)
     bench.detect(SyncFault.SECOND_PRODUCER)
-    assert bench.driver.health().sync.fault is SyncFault.SECOND_PRODUCER and bench.driver.health().sync.foreign > 0
+    assert bench.driver.facts().sync_fault is SyncFault.SECOND_PRODUCER and bench.driver.facts().foreign_syncs > 0
     time.sleep(2.0)
     # A TPDO that answers the other SYNC does not prove a second sender.
     assert NodeFault.TWO_SENDERS not in bench.log.facts
     producer.stop()
     bench.end_of_cause().recover()
-    bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
+    bench.wait(lambda: bench.driver.facts().sync_fault is SyncFault.NONE, 'fault stays')
 
 
 @fault(produce_sync=False, sync_period=0.02, is_running=False)
@@ -494,12 +494,12 @@ def sync_producer_of_another_period(bench: FaultBench) -> None:
     producer = bench.repeat(0x080, 0.04)
     bench.run().cause()
     bench.detect(SyncFault.OTHER_PERIOD)
-    period = bench.driver.health().sync.period
+    period = bench.driver.facts().sync_period
     bench.wrong_durations += [] if abs(period - 0.04) < 0.01 else [f'a period of {period:.3f} s']
     producer.stop()
     bench.repeat(0x080, 0.02)
     bench.end_of_cause().recover()
-    bench.wait(lambda: bench.driver.health().sync.fault is SyncFault.NONE, 'fault stays')
+    bench.wait(lambda: bench.driver.facts().sync_fault is SyncFault.NONE, 'fault stays')
 
 
 @fault()
@@ -515,7 +515,7 @@ def sync_of_another_producer_stops(bench: FaultBench) -> None:
     bench.run().cause()
     producer.stop()
     bench.detect(NodeFault.NO_SYNC)
-    assert bench.node().is_operational
+    assert bench.node().operational
     bench.repeat(0x080, 0.02)
     bench.end_of_cause().recover()
 
@@ -526,9 +526,9 @@ def emcy_storm(bench: FaultBench) -> None:
     for i in range(2000):
         bench.send(0x0A0, f'1042 09 {i:010X}')
     bench.detect(kind=lambda fact: isinstance(fact, Emergency) and (fact.code, fact.register) == (0x4210, 0x09))
-    bench.wait(lambda: bench.node().emergencies == 2000, 'not all counted')
+    bench.wait(lambda: bench.node().emcy_count == 2000, 'not all counted')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-    assert bench.last_emergency.manufacturer[-1] == 1999 & 0xFF
+    assert bench.emcy_last.manufacturer[-1] == 1999 & 0xFF
     assert sum(isinstance(fact, Emergency) for fact in bench.log.error_facts) < 10
 
 
@@ -537,9 +537,9 @@ def short_emcy(bench: FaultBench) -> None:
     """The driver reports the fields that an incomplete EMCY contains."""
     for data in ('', '10', '1042', '104209'):
         bench.send(0x0A0, data)
-    bench.wait(lambda: bench.node().emergencies == 4, 'not counted')
+    bench.wait(lambda: bench.node().emcy_count == 4, 'not counted')
     bench.detect(kind=lambda fact: isinstance(fact, Emergency))
-    assert (bench.last_emergency.code, bench.last_emergency.register) == (0x4210, 9)
+    assert (bench.emcy_last.code, bench.emcy_last.register) == (0x4210, 9)
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
 
 
@@ -548,8 +548,8 @@ def emcy_until_it_is_reset(bench: FaultBench) -> None:
     """A warning about an error remains until the device resets this error or all errors, or boots again."""
 
     def has(code: int | None, count: int) -> None:
-        bench.wait(lambda: bench.node().emergencies == count, 'not counted')
-        active = bench.node().active_emergency
+        bench.wait(lambda: bench.node().emcy_count == count, 'not counted')
+        active = bench.node().emcy_active
         assert (active.code if active else None) == code
     for count, (data, code) in enumerate((('1042090000000000', 0x4210), ('0000080000000000', 0x4210),
                                           ('0000000000000000', None), ('3081110000000000', 0x8130)), 1):
@@ -568,7 +568,7 @@ def foreign_frames(bench: FaultBench) -> None:
         bench.send(can_id, data)
     bench.other.send(can.Message(arbitration_id=0x720, is_extended_id=False, is_remote_frame=True))
     bench.other.send(can.Message(arbitration_id=0x1A0, is_extended_id=True, data=bytes(8)))
-    bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign') == 2, 'not counted')
+    bench.wait(lambda: bench.driver.facts().can_frames.get('foreign') == 2, 'not counted')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
     assert not bench.complaints and (bench.node().state, bench.node().fault) == (
         NmtState.OPERATIONAL, NodeFault.NONE)
@@ -597,7 +597,7 @@ def _tamper(bench: FaultBench, tamper: Callable, seen: Callable[[FaultBench], in
 
 
 def _pad(bench: FaultBench):
-    return bench.driver.statistics().pads['pad32']
+    return bench.driver.facts().pad('pad32')
 
 
 @fault()
@@ -695,15 +695,15 @@ def queue_overrun(bench: FaultBench) -> None:
     """A consumer hangs. The driver reports an overload, counts lost CAN frames, and sends the device no command."""
     bench.heard()
     bench.hold.clear()
-    bench.wait(lambda: bench.driver.statistics().queue_overruns > 50, 'not counted')
+    bench.wait(lambda: bench.driver.facts().queue_overruns > 50, 'not counted')
     bench.detect(Overload.BEHIND, Overload.DROPPED)
-    bench.wait(lambda: bench.driver.statistics().queue_overruns > 1500, 'not counted')
+    bench.wait(lambda: bench.driver.facts().queue_overruns > 1500, 'not counted')
     bench.end_of_cause()
     bench.hold.set()
     bench.recover()
     assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
     assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts)
-    bench.wait(lambda: bench.driver.health().overload is Overload.NONE, 'it stays')
+    bench.wait(lambda: bench.driver.facts().overload is Overload.NONE, 'it stays')
 
 
 @fault()
@@ -717,8 +717,8 @@ def process_stalled(bench: FaultBench) -> None:
         bench.detect(Overload.STALLED)
         bench.recover()
     assert not [message for message in bench.heard() if message.arbitration_id in (0x000, 0x620)]
-    assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts) and bench.node().outages.count == 0
-    assert bench.driver.health().stalls >= 2
+    assert not any(isinstance(fact, NodeFault) for fact in bench.log.facts) and bench.node().outages == 0
+    assert bench.driver.facts().stalls >= 2
 
 
 @fault()
@@ -740,7 +740,7 @@ def _set_clock(bench: FaultBench, seconds: float) -> None:
     bench.is_clock_true = False
     real, time.time = time.time, lambda: real() + seconds
     try:
-        bench.wait(lambda: bench.driver.statistics().clock_jumps == 1, 'not counted')
+        bench.wait(lambda: bench.driver.facts().clock_jumps == 1, 'not counted')
         bench.detected = time.monotonic() - bench._begun
         stamp = bench.kept[-1][1].stamp
         bench.wait(lambda: sum(frame.stamp > stamp and not frame.missing_can_frames
@@ -760,9 +760,9 @@ def disk_full_while_recording(bench: FaultBench) -> None:
         with open('/dev/full', 'wb') as full:
             os.dup2(full.fileno(), bench.driver._bus._record._file.writer.file.fileno())
         bench.detect(kind=lambda fact: isinstance(fact, OSError) and fact.errno == errno.ENOSPC)
-        before = bench.driver.statistics().unrecorded
+        before = bench.driver.facts().unrecorded_can_frames
         bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
-        bench.wait(lambda: bench.driver.statistics().unrecorded > before, 'not counted')
+        bench.wait(lambda: bench.driver.facts().unrecorded_can_frames > before, 'not counted')
         assert sum(isinstance(fact, OSError) for fact in bench.log.facts) == 1
         assert bench.driver.failure is None and bench.adapter.opened == 1
 
@@ -791,7 +791,7 @@ def guarded_by_another_master(bench: FaultBench) -> None:
     for answer in ('05', '85') * 50:
         bench.other.send(can.Message(arbitration_id=0x720, is_extended_id=False, is_remote_frame=True, dlc=1))
         bench.send(0x720, answer)
-    bench.wait(lambda: bench.driver.statistics().can_frames.get('remote') == 100, 'not counted')
+    bench.wait(lambda: bench.driver.facts().can_frames.get('remote') == 100, 'not counted')
     bench.wait_for_whole('pad32', bench.kept[-1][1].stamp)
     assert not bench.complaints and (bench.node().state, bench.node().boots) == (NmtState.OPERATIONAL, 0)
 
@@ -806,14 +806,14 @@ def other_makers_device_at_work(bench: FaultBench) -> None:
         for can_id, data in theirs:
             bench.send(can_id, data)
         # Without this wait, the backlog of the busy interpreter and of the simulated device would grow.
-        bench.wait(lambda: bench.driver.statistics().can_frames.get('time', 0) == times, 'not counted')  # noqa: B023
-    bench.wait(lambda: bench.driver.statistics().can_frames.get('foreign', 0) == 400, 'not counted')
+        bench.wait(lambda: bench.driver.facts().can_frames.get('time', 0) == times, 'not counted')  # noqa: B023
+    bench.wait(lambda: bench.driver.facts().can_frames.get('foreign', 0) == 400, 'not counted')
     bench.end_of_cause().recover()
-    counts = bench.driver.statistics()
+    counts = bench.driver.facts()
     assert (counts.can_frames['emcy'], counts.can_frames['time']) == (200, 100)  # 0x090 is the COB-ID of an EMCY
-    assert not bench.complaints and bench.node().emergencies == 0
+    assert not bench.complaints and bench.node().emcy_count == 0
     bench.assert_no_outage()
-    assert counts.pads['pad32'].losses[LossReason.UNKNOWN_ROW] == 0
+    assert counts.pad('pad32').losses[LossReason.UNKNOWN_ROW] == 0
 
 
 @fault(is_running=False)
@@ -867,7 +867,7 @@ def one_of_a_pads_nodes_lost(bench: FaultBench) -> None:
     """A pad loses one of its two nodes. The driver reports the node, and only its taxels are NaN until it boots."""
     second = bench.simulator.devices[35]
     values = _switch_off(bench, second, 12, NodeFault.SILENT).values
-    first, lost = bench.driver.health().nodes['pad32']
+    first, lost = bench.driver.facts().pad('pad32').nodes
     assert (lost.node_id, lost.fault, first.fault) == (35, NodeFault.SILENT, NodeFault.NONE)
     assert np.isfinite(values[:6]).all() and np.isnan(values[6:]).all()
     _switch_on(bench, second)
@@ -894,7 +894,7 @@ def polled_uploads_damaged(bench: FaultBench) -> None:
         return [message]
     bench.adapter.tamper = damage
     bench.detect(kind=lambda fact: isinstance(fact, SdoCommunicationError) and 'CRC' in str(fact))
-    bench.wait(lambda: bench.driver.statistics().pads['pad32'].losses[LossReason.BROKEN] > 5, 'not counted')
+    bench.wait(lambda: bench.driver.facts().pad('pad32').losses[LossReason.BROKEN] > 5, 'not counted')
     bench.repair()
     scale, values = bench.pads[0].layout.value.scale, bench.source(0.0)
     for _, frame in bench.kept:

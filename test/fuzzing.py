@@ -226,8 +226,8 @@ class FrameFuzz:
         assert wait_until(lambda: self.seen() >= self.sent, 60), f'{self.sent} sent, {self.seen()} seen'
 
     def seen(self) -> int:
-        statistics = self.bench.driver.statistics()
-        return sum(statistics.can_frames.values()) + statistics.queue_overruns
+        facts = self.bench.driver.facts()
+        return sum(facts.can_frames.values()) + facts.queue_overruns
 
     def right_again(self) -> bool:
         """Reset the node, and return True if the driver then publishes whole frames of untouched taxels."""
@@ -357,9 +357,9 @@ def fuzz_frames(count: int, seed: int) -> int:
             growth.look(burst)
             fuzz.send(BURST)
         has_grown, right = growth.report(), fuzz.right_again()
-        statistics, errors = fuzz.bench.driver.statistics(), fuzz.bench.log.errors
-    print(f'CAN messages: {fuzz.sent}, seed {seed}; {dict(sorted(statistics.can_frames.items()))}; '
-          f'{statistics.queue_overruns} lost and counted; {statistics.pads["pad32"]}; errors logged: {len(errors)}; '
+        facts, errors = fuzz.bench.driver.facts(), fuzz.bench.log.errors
+    print(f'CAN messages: {fuzz.sent}, seed {seed}; {dict(sorted(facts.can_frames.items()))}; '
+          f'{facts.queue_overruns} lost and counted; {facts.pad("pad32")}; errors logged: {len(errors)}; '
           f'taxel frames with a wrong mark or stamp: {len(fuzz.bad)}; right again after a reset: {right}')
     return len(fuzz.bad) + (not right) + has_grown
 

@@ -150,7 +150,7 @@ class StallBench:
 
     @property
     def nodes(self) -> tuple:
-        return tuple(node for nodes in self.driver.health().nodes.values() for node in nodes)
+        return tuple(node for pad in self.driver.facts().pads for node in pad.nodes)
 
     def wait_for_report(self, fault: NodeFault) -> None:
         assert wait_until(lambda: fault in self.faults, TIMEOUT), self.log.errors
@@ -215,10 +215,10 @@ def stall(part: str, seconds: float) -> Callable[[str], StallBench]:
                 bench.assert_in_time(not bench.faults)
             elif seconds >= 1.0:
                 bench.wait_for_report(NodeFault.SILENT)
-                outages = [node.outages for node in bench.nodes]
-                bench.assert_in_time(all(one.cause is NodeFault.SILENT for one in outages))
-                bench.wrong_durations += [f'an outage of {one.seconds:.2f} s' for one in outages
-                                          if not seconds - 0.5 < one.seconds < seconds + ALLOWED]
+                nodes = bench.nodes
+                bench.assert_in_time(all(node.outage_last_reason is NodeFault.SILENT for node in nodes))
+                bench.wrong_durations += [f'an outage of {node.outage_seconds:.2f} s' for node in nodes
+                                          if not seconds - 0.5 < node.outage_seconds < seconds + ALLOWED]
         return bench
     fault.__name__ = f'{part}_stalls_for_{seconds:g}_s'
     fault.__doc__ = {'skin': 'The skin is reported as silent. Its old values are not published as current values.',

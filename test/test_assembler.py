@@ -7,10 +7,10 @@ import os
 
 import numpy as np
 import pytest
-from can_bench import TINY, Loss, is_balanced, only, taxel_frames, telling, tiny_layout
+from can_bench import TINY, Loss, is_balanced, only, tally, taxel_frames, telling, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.free_bus import FreeBus
 from tactile_node.assembly.health import TpdoOrder
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
@@ -47,7 +47,7 @@ def test_whole_period_is_given_with_its_last_tpdo(assembler):
     check(frame, [[0, 2], [4, 6], [-20, 488]])
     assert frame.stamp == 7.25 and (frame.status == VALID).all()
     assert only(assembler.sync(8.25)) is None  # The assembler returns each taxel frame only once.
-    assert assembler.statistics()[:5] == (1, 0, 3, 3, 3) and is_balanced(assembler)
+    assert tally(assembler)[:5] == (1, 0, 3, 3, 3) and is_balanced(assembler)
 
 
 def test_full_scale_is_saturated_and_still_given(assembler):
@@ -71,7 +71,7 @@ def test_missing_tpdo_gives_nan_as_soon_as_it_cannot_come(assembler, lost, value
     assert (frame.status == np.where(np.isnan(values), STALE, VALID)).all()
     # No TPDO of the next period is missing.
     check(send(assembler, *period[1:], at=1.5), [[0, 0], [2, 2], [4, 4]], sequence=1)
-    assert assembler.statistics().missing == 1 and is_balanced(assembler)
+    assert assembler.facts().missing == 1 and is_balanced(assembler)
 
 
 def test_silent_periods_are_all_stale(assembler):
@@ -88,7 +88,7 @@ def test_sweeps_after_silence_are_lost_until_a_free_bus_proves_that_none_is_late
     for period in range(1, 51):
         assert send(assembler, *sweep, at=period + 0.5) is None
         given += assembler.sync(period + 1)
-    assert given.count(Loss(LossReason.LATE, 3)) == 50 and assembler.statistics().losses[LossReason.LATE] == 150
+    assert given.count(Loss(LossReason.LATE, 3)) == 50 and assembler.facts().losses[LossReason.LATE] == 150
     for sequence, frame in enumerate(result for result in given if isinstance(result, TaxelFrame)):
         check(frame, np.full((3, 2), NAN), sequence, missing=3)
     assert assembler.is_in_doubt
@@ -116,7 +116,7 @@ def test_a_started_node_is_not_behind(assembler):
     assembler.start(1)
     assembler.sync(50)
     check(send(assembler, *sweep, at=50.5), np.full((3, 2), 2), sequence=50)
-    assert assembler.statistics().missing == 50 * 3 and is_balanced(assembler)
+    assert assembler.facts().missing == 50 * 3 and is_balanced(assembler)
 
 
 def test_a_late_tail_goes_back_to_its_period_once_the_next_sweep_begins(assembler):
@@ -135,7 +135,7 @@ def test_a_late_tail_goes_back_to_its_period_once_the_next_sweep_begins(assemble
     second = only(assembler.feed(ROW_3, b'\x0B\x0B', 1.3))
     check(second, [[2, 2], [2, 2], [2, 2]], sequence=1)
     assert (first.stamp, second.stamp) == (0, 1) and is_balanced(assembler)
-    assert assembler.statistics().losses[LossReason.LATE] == 0
+    assert assembler.facts().losses[LossReason.LATE] == 0
 
 
 @pytest.mark.parametrize('after', [[ROW_1, ROW_2], [ROW_2, ROW_1], [ROW_1, ROW_1, ROW_2, ROW_3]],
@@ -145,7 +145,7 @@ def test_once_the_order_was_changed_a_late_tail_needs_a_whole_sweep_after_it(ass
     assembler.sync(-1)
     for row in (ROW_1, ROW_3, ROW_2):
         assembler.feed(row, b'\x0A\x0A', -0.5)
-    assert assembler.statistics().losses[LossReason.OUT_OF_ORDER]
+    assert assembler.facts().losses[LossReason.OUT_OF_ORDER]
     assembler.sync(0)
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
     assembler.sync(1)
@@ -153,9 +153,9 @@ def test_once_the_order_was_changed_a_late_tail_needs_a_whole_sweep_after_it(ass
     for i, row in enumerate(after):
         assembler.feed(row, bytes([11 + i] * 2), 1.2)
     assembler.end_period()
-    statistics = assembler.statistics()
+    statistics = assembler.facts()
     assert statistics.missing >= 1 and statistics.losses[LossReason.OUT_OF_ORDER] > 2 and is_balanced(assembler)
-    assert statistics.complete <= 1
+    assert statistics.frames_complete <= 1
 
 
 def test_lone_possible_tail_is_not_published_as_fresh(assembler):
@@ -216,7 +216,7 @@ def test_tpdos_from_before_the_previous_sync_belong_to_neither_period(assembler,
     check(frames[0], [[2, 2]] * (3 - older) + [[NAN, NAN]] * older, missing=older)
     check(frames[1], np.full((3, 2), NAN), sequence=1, missing=3)
     check(frames[2], np.full((3, 2), 6), sequence=2)
-    assert len(frames) == 3 and assembler.statistics().losses[LossReason.LATE] == older + 3 and is_balanced(assembler)
+    assert len(frames) == 3 and assembler.facts().losses[LossReason.LATE] == older + 3 and is_balanced(assembler)
 
 
 def played(assembler, script):
@@ -307,7 +307,7 @@ def test_repeated_frame_is_a_duplicate(assembler):
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0B'), (ROW_1, '0A0B')) == Loss(LossReason.DUPLICATE)
     check(send(assembler, (ROW_2, '0A0A'), (ROW_3, '0A0A')), [[0, 2], [0, 0], [0, 0]])
-    assert assembler.statistics().losses[LossReason.DUPLICATE] == 1 and is_balanced(assembler)
+    assert assembler.facts().losses[LossReason.DUPLICATE] == 1 and is_balanced(assembler)
 
 
 def test_same_cob_id_with_other_bytes_shows_a_lost_sync(assembler):
@@ -339,7 +339,7 @@ def test_wrong_length_makes_its_taxels_stale(assembler, data, reason):
     frame = send(assembler, (ROW_3, '0A0A'))
     check(frame, [[0, 0], [NAN, NAN], [0, 0]], missing=1)
     assert frame.status[1].tolist() == [STALE, STALE]
-    assert assembler.statistics().incomplete == 1 and is_balanced(assembler)
+    assert assembler.facts().frames_incomplete == 1 and is_balanced(assembler)
 
 
 def test_the_first_bytes_of_a_padded_tpdo_are_used_and_the_padding_is_reported_once(assembler, caplog):
@@ -351,8 +351,8 @@ def test_the_first_bytes_of_a_padded_tpdo_are_used_and_the_padding_is_reported_o
         assembler.sync(number)
         send(assembler, (ROW_1, '0A0B' + padding), (ROW_2, '0A0A'), at=number + 0.5)
         check(send(assembler, (ROW_3, '0C0C' + padding), at=number + 0.5), [[0, 2], [0, 0], [4, 4]], sequence=number)
-    counts = assembler.statistics()
-    assert (counts.complete, counts.used, counts.padded, sum(counts.losses.values())) == (3, 9, 6, 0)
+    counts = assembler.facts()
+    assert (counts.frames_complete, counts.tpdos_used, counts.tpdos_padded, sum(counts.losses.values())) == (3, 9, 6, 0)
     assert is_balanced(assembler)
     report, = caplog.records
     assert report.fact == (1, ROW_1) and all(part in report.getMessage() for part in ('0x181', '8 bytes', 'first 2'))
@@ -360,7 +360,7 @@ def test_the_first_bytes_of_a_padded_tpdo_are_used_and_the_padding_is_reported_o
 
 def test_before_the_first_sync_nothing_is_taken(assembler):
     assert send(assembler, (ROW_1, '0A0A')) == Loss(LossReason.BEFORE_FIRST_SYNC)
-    assert assembler.statistics().losses[LossReason.BEFORE_FIRST_SYNC] == 1 and is_balanced(assembler)
+    assert assembler.facts().losses[LossReason.BEFORE_FIRST_SYNC] == 1 and is_balanced(assembler)
 
 
 def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
@@ -368,7 +368,7 @@ def test_restart_counts_the_unfinished_and_begins_at_zero(assembler):
     assembler.sync(1)
     send(assembler, (ROW_1, '0A0A'), at=1.5)
     assembler.restart()
-    assert assembler.statistics().losses[LossReason.UNFINISHED] == 1 and is_balanced(assembler)
+    assert assembler.facts().losses[LossReason.UNFINISHED] == 1 and is_balanced(assembler)
     assert only(assembler.sync(5)) is None
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=5.5), np.zeros((3, 2)))
 
@@ -400,14 +400,14 @@ def test_random_loss_and_delay_never_mixes_periods(tmp_path, loss, most_delayed,
     values = np.array([frame.values for frame in frames])
     assert (np.isnan(values) | (values / 2 + 5 == (np.arange(3000) % 250)[:, np.newaxis, np.newaxis])).all()
     assert np.isfinite(values).any((1, 2)).sum() > given
-    assert assembler.statistics().complete > (given if most_delayed == 2 else 0)
+    assert assembler.facts().frames_complete > (given if most_delayed == 2 else 0)
 
 
 def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
     assembler.sync(0)
     assert send(assembler, (ROW_1, '0A0A'), (ROW_3, '0A0A'), (ROW_2, '0B0B')) == Loss(LossReason.OUT_OF_ORDER, 2)
     assert assembler.end_period()[1:] == (Loss(LossReason.OUT_OF_ORDER, 1),)
-    losses = assembler.statistics().losses
+    losses = assembler.facts().losses
     assert (losses[LossReason.OUT_OF_ORDER], losses[LossReason.LATE]) == (3, 0) and is_balanced(assembler)
 
 
@@ -418,9 +418,9 @@ def test_incomplete_sweeps_can_be_dropped(tmp_path):
     assert assembler.sync(1) == ()
     assert send(assembler, (ROW_1, '0B0B'), at=1.5) == Loss(LossReason.INCOMPLETE, 2)
     check(send(assembler, (ROW_2, '0B0B'), (ROW_3, '0B0B'), at=1.5), np.full((3, 2), 2), sequence=1)
-    statistics = assembler.statistics()
-    assert (statistics.complete, statistics.incomplete, statistics.withheld) == (1, 0, 1)
-    assert statistics.losses[LossReason.INCOMPLETE] == 2 and statistics.expected == 6 and is_balanced(assembler)
+    statistics = assembler.facts()
+    assert (statistics.frames_complete, statistics.frames_incomplete, statistics.frames_withheld) == (1, 0, 1)
+    assert statistics.losses[LossReason.INCOMPLETE] == 2 and statistics.tpdos_expected == 6 and is_balanced(assembler)
 
 
 def fates(periods, of=(), begin=0):
@@ -508,12 +508,12 @@ def test_the_order_in_which_a_device_sends_is_named_and_no_two_periods_are_mixed
     seen = [np.unique(frame.values[np.isfinite(frame.values)]) for frame in frames]
     assert frames and all(len(values) <= 1 for values in seen)
     names = '8', '2', '3'
-    assert assembler.statistics().orders == (TpdoOrder(1, tuple(names[place] for place in order), names),)
+    assert assembler.facts().orders == (TpdoOrder(1, tuple(names[place] for place in order), names),)
     for number in range(300, 300 + 3):  # The device now sends in the order of the layout.
         assembler.sync(number)
         send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=number + 0.2)
     assembler.sync(number + 1)
-    assert assembler.statistics().orders == (None,) and is_balanced(assembler)
+    assert assembler.facts().orders == (None,) and is_balanced(assembler)
 
 
 def test_a_device_that_is_late_by_part_of_a_sweep_has_the_order_of_the_layout(assembler):
@@ -522,7 +522,7 @@ def test_a_device_that_is_late_by_part_of_a_sweep_has_the_order_of_the_layout(as
     for number in range(1, 10):
         assembler.sync(number)
         send(assembler, (ROW_3, '0A0A'), (ROW_1, '0A0A'), (ROW_2, '0A0A'), at=number + 0.2)
-    assert assembler.statistics().orders == (None,)
+    assert assembler.facts().orders == (None,)
 
 
 def test_each_of_two_nodes_has_its_own_order(tmp_path):
@@ -533,7 +533,7 @@ def test_each_of_two_nodes_has_its_own_order(tmp_path):
         for can_id in (ROW_2, 0x382, ROW_1):
             assembler.feed(can_id, b'\x0A\x0A', number + 0.2)
     assembler.end_period()
-    assert assembler.statistics().orders == (TpdoOrder(1, ('2', '1'), ('1', '2')), None)
+    assert assembler.facts().orders == (TpdoOrder(1, ('2', '1'), ('1', '2')), None)
 
 
 def test_without_sync_the_order_of_tpdos_takes_no_memory(assembler):

@@ -5,11 +5,12 @@ The tests need neither a clock nor a bus.
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
 from tactile_node.assembly.assembler import FrameAssembler
-from tactile_node.assembly.frame_source import PadStatistics
+from tactile_node.assembly.facts import PadFacts
 from tactile_node.assembly.health import NodeFault, Overload, SyncFault
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.heartbeat import Heartbeats
@@ -51,10 +52,10 @@ def looks(sent: Callable[[float], int], answers: Callable[[int], bool] = lambda 
     return seen
 
 
-def traffic_of(heartbeats: Heartbeats) -> tuple[NodeTraffic, PadStatistics]:
+def traffic_of(heartbeats: Heartbeats) -> tuple[NodeTraffic, PadFacts]:
     """Return the traffic of node 32, and the counts of its pad before the first TPDO."""
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
-    return NodeTraffic(node, heartbeats.of(32)), FrameAssembler(node.layout, (32,)).statistics()
+    return NodeTraffic(node, heartbeats.of(32)), FrameAssembler(node.layout, (32,)).facts()
 
 
 @pytest.mark.parametrize(('count', 'are_two'), [(1.0, False), (1.1, False), (2.0, True), (1.9, True)])
@@ -84,7 +85,7 @@ def surplus(received: Callable[[float], list[int]], seconds: float = 5.0) -> lis
     found = []
     for now in times(seconds):
         syncs = int(now / 0.02)
-        traffic.look(now, True, pad._replace(syncs=syncs, distinct_by_tpdo=(tuple(received(now)),)), BusCounts(syncs),
+        traffic.look(now, True, replace(pad, syncs=syncs, distinct_by_tpdo=(tuple(received(now)),)), BusCounts(syncs),
                      None, DELAY)
         found.append(tuple(tpdo.number for tpdo in traffic.surplus))
         assert bool(found[-1]) == traffic.are_two
@@ -120,7 +121,7 @@ def test_a_tpdo_is_missing_once_only_the_others_have_come_for_the_timeout():
     traffic, pad = traffic_of(Heartbeats())
     found = []
     for now, first, others in ((0.1, 1, 1), (0.5, 1, 5), (0.7, 1, 7), (0.8, 2, 8), (1.2, 2, 8), (1.4, 2, 8)):
-        traffic.look(now, True, pad._replace(fresh_by_tpdo=((first, *[others] * 15),)), BusCounts(0), None, DELAY)
+        traffic.look(now, True, replace(pad, fresh_by_tpdo=((first, *[others] * 15),)), BusCounts(0), None, DELAY)
         found.append([tpdo.number for tpdo in traffic.missing])
     assert found == [[], [], [1], [], [], []]  # at the end, all TPDOs have stopped
 
@@ -204,7 +205,7 @@ def test_a_stall_excuses_a_silence_but_endless_stalls_do_not(stalls, is_reported
     """A node falls silent after its first heartbeat while this process stalls for the times in ``stalls`` [s]."""
     bus = BusMonitor([32])
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
-    monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), FrameAssembler(node.layout, (32,)).statistics()
+    monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), FrameAssembler(node.layout, (32,)).facts()
     now = time.monotonic()
     monitor.expect(now - 1.0)
     bus.heartbeats.feed(0x720, b'\x05')

@@ -59,10 +59,9 @@ def test_driver_and_skin_are_two_programs_joined_by_slcan(tmp_path):
     finally:
         skin.send_signal(signal.SIGTERM)
         assert skin.wait(60) == 0, skin.stderr.read()
-    statistics = driver.statistics()
     for name in ('left', 'right'):
-        pad = statistics.pads[name]
-        assert pad.received == pad.used + pad.pending + sum(pad.losses.values())
+        pad = driver.facts().pad(name)
+        assert pad.tpdos_received == pad.tpdos_used + pad.tpdos_pending + sum(pad.losses.values())
     assert not link.is_symlink()
 
 

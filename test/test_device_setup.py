@@ -3,10 +3,12 @@
 The driver accepts a deviating device if that is safe, and otherwise refuses the device by name.
 """
 
+from dataclasses import replace
+
 import pytest
 from canopen import SdoAbortedError, SdoCommunicationError
 
-from tactile_node.assembly.frame_source import PadStatistics
+from tactile_node.assembly.facts import PadFacts
 from tactile_node.assembly.health import NodeFault, TpdoOrder
 from tactile_node.bus.bus_devices import read_errors
 from tactile_node.bus.bus_monitor import BusMonitor
@@ -180,16 +182,16 @@ def test_errors_are_read_as_far_as_the_device_has_them():
     assert read_errors(Device()) == DeviceErrors(None)
 
 
-def monitored(heartbeat_time: float | None) -> tuple[NodeMonitor, BusMonitor, PadStatistics]:
-    """Return the monitors of a configured, running node and of its bus, and the statistics of its pad.
+def monitored(heartbeat_time: float | None) -> tuple[NodeMonitor, BusMonitor, PadFacts]:
+    """Return the monitors of a configured, running node and of its bus, and the facts of its pad.
 
     The heartbeat timeout and the data timeout are 0.5 s.
     """
     bus = BusMonitor([32])
     node = NodeMonitor(NODE, bus, 0.5, 0.5)
     node.configured(node.setup, 0.0, heartbeat_time)
-    pad = PadStatistics(0, 0, 0, 0, 0, 0, {}, used_by_node=(0,), distinct_by_tpdo=((0,) * 32,),
-                        fresh_by_tpdo=((0,) * 32,))
+    pad = PadFacts(used_by_node=(0,), distinct_by_tpdo=((0,) * 32,),
+                   fresh_by_tpdo=((0,) * 32,))
     return node, bus, pad
 
 
@@ -214,10 +216,10 @@ def test_a_heartbeat_time_that_cannot_be_read_is_measured(monkeypatch):
 def test_the_order_of_its_tpdos_is_reported_with_the_node():
     node, _, pad = monitored(0.1)
     order = TpdoOrder(32, ('1', '2', '3'), ('3', '1', '2'))
-    node.look(0.0, True, pad._replace(orders=(order,)), BusCounts(0))
-    assert node.health(0.0, NodeState()).tpdo_order == order
-    node.look(0.1, True, pad._replace(orders=(None,)), BusCounts(0))
-    assert node.health(0.1, NodeState()).tpdo_order is None
+    node.look(0.0, True, replace(pad, orders=(order,)), BusCounts(0))
+    assert node.facts(0.0, NodeState()).tpdo_order == order
+    node.look(0.1, True, replace(pad, orders=(None,)), BusCounts(0))
+    assert node.facts(0.1, NodeState()).tpdo_order is None
 
 
 def test_a_silence_during_an_overload_of_this_process_is_not_a_fault_at_once():

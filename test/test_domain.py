@@ -8,11 +8,11 @@ from random import Random
 
 import numpy as np
 import pytest
-from can_bench import Bench, Loss, only, telling, tiny_layout
+from can_bench import Bench, Loss, only, tally, telling, tiny_layout
 from test_logs import play
 
 from tactile_node.assembly.domain_assembler import DomainAssembler
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.cia301.sdo import SdoUpload, Step
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.logs.log_reader import CanLogReader
@@ -129,7 +129,7 @@ def test_an_upload_is_a_frame_stamped_with_its_request(assembler):
     assert frame.values.tolist() == [[0x31, 0x32, 0x33], [0x34, 0x35, 0x36], [0x37, 0x38, 0x39]]
     assert (frame.stamp, frame.sequence, frame.missing_can_frames) == (1.0, 0, 0)
     assert feed(assembler, *BLOCK, at=10.0).sequence == 1
-    assert assembler.statistics()[:6] == (2, 0, 2, 2, 2, 0)
+    assert tally(assembler) == (2, 0, 2, 2, 2, 0)
 
 
 def test_a_failed_poll_is_a_frame_without_values(assembler):
@@ -139,15 +139,15 @@ def test_a_failed_poll_is_a_frame_without_values(assembler):
     assert (frame.stamp, frame.sequence, frame.missing_can_frames) == (1.0, 0, 1)
     unanswered = feed(assembler, BEGIN, at=30.0)
     assert (unanswered.stamp, unanswered.sequence) == (20.0, 1)
-    counts = assembler.statistics()
-    assert (counts.incomplete, counts.expected, counts.received, counts.used) == (2, 2, 1, 0)
+    counts = assembler.facts()
+    assert (counts.frames_incomplete, counts.tpdos_expected, counts.tpdos_received, counts.tpdos_used) == (2, 2, 1, 0)
     assert counts.losses[LossReason.BROKEN] == 1
 
 
 def test_failed_polls_can_be_dropped(tmp_path):
     assembler = domain_assembler(tmp_path, drop_incomplete=True)
     assert feed(assembler, BEGIN, BEGIN) is None
-    assert assembler.statistics().withheld == 1
+    assert assembler.facts().frames_withheld == 1
 
 
 @pytest.mark.parametrize(('size', 'reason'), [(8, LossReason.OVER_LONG), (10, LossReason.SHORT)])

@@ -132,13 +132,13 @@ def test_the_state_can_be_looked_at_while_the_driver_is_released(chain):
 def test_a_report_that_fails_ends_nothing(chain, monkeypatch):
     chain.start()
     source = chain.node.source
-    statistics, failures = source.statistics, iter(range(5))
+    facts, failures = source.facts, iter(range(5))
 
     def fail_now_and_then():
         if next(failures, None) is not None:
             raise ZeroDivisionError('of the report')
-        return statistics()
-    monkeypatch.setattr(source, 'statistics', fail_now_and_then)
+        return facts()
+    monkeypatch.setattr(source, 'facts', fail_now_and_then)
     seen = len(chain.levels)
     chain.until(lambda: len(chain.levels) > seen, 'no report after it')
     assert next(failures, None) is None

@@ -10,10 +10,10 @@ import re
 
 import numpy as np
 import pytest
-from can_bench import TINY, Loss, is_balanced, only, telling, tiny_layout
+from can_bench import TINY, Loss, is_balanced, only, tally, telling, tiny_layout
 from can_bench import taxel_frames as frames
 
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.snapshot_assembler import SNAPSHOT_WAIT, SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.errors import ConfigurationError
@@ -81,7 +81,7 @@ def test_a_sweep_is_given_with_its_last_tpdo_and_stamped_with_its_first(sweeps):
     frame = only(send(sweeps, 2, 5.002, 13))
     assert (rows(frame), frame.stamp, frame.sequence, frame.missing_can_frames) == ([11, 12, 13], 5.0, 0, 0)
     assert frame.tpdo_ages is None
-    assert sweeps.statistics()[:6] == (1, 0, 3, 3, 3, 0)
+    assert tally(sweeps) == (1, 0, 3, 3, 3, 0)
 
 
 @pytest.mark.parametrize(('lost', 'stamp'), [(0, 5.001), (1, 5.0), (2, 5.0)])
@@ -91,7 +91,7 @@ def test_a_lost_tpdo_leaves_its_taxels_stale(sweeps, lost, stamp):
     first, second = frames(results)
     assert rows(first) == [None if rank == lost else 11 for rank in range(3)] and rows(second) == [12, 12, 12]
     assert (first.stamp, first.sequence, first.missing_can_frames, second.sequence) == (stamp, 0, 1, 1)
-    assert is_balanced(sweeps) and sweeps.statistics().missing == 1
+    assert is_balanced(sweeps) and sweeps.facts().missing == 1
 
 
 def test_no_frame_of_any_loss_pattern_mixes_two_sweeps(tmp_path):
@@ -165,7 +165,7 @@ def test_sweeps_that_an_adapter_has_held_back_are_late(sweeps):
     burst = [frames(sweep(sweeps, 20 * T + 0.0035 * i, counts=100)) for i in range(5)]
     after = [frames(sweep(sweeps, 22 * T + 0.85 * T * i)) for i in range(3)]
     assert not any(burst) and all(len(given) == 1 and rows(given[0]) == [10, 10, 10] for given in after)
-    assert sweeps.statistics().losses[LossReason.LATE] == 15 and is_balanced(sweeps)
+    assert sweeps.facts().losses[LossReason.LATE] == 15 and is_balanced(sweeps)
 
 
 @pytest.mark.parametrize('data', ['0A', '0A0A' + 7 * '00'])
@@ -183,7 +183,7 @@ def test_a_padded_tpdo_is_used(sweeps, snapshots):
     for assembler in (sweeps, snapshots):
         given = [only(assembler.feed(can_id, bytes.fromhex('0A0A' + 6 * '00'), 5.0)) for can_id in RANKS]
         assert rows(given[2]) == [10, 10, 10] and is_balanced(assembler)
-        assert assembler.statistics().padded == 3 and not sum(assembler.statistics().losses.values())
+        assert assembler.facts().tpdos_padded == 3 and not sum(assembler.facts().losses.values())
 
 
 def test_rows_of_a_multiplexed_tpdo_are_a_sweep(tmp_path):
@@ -200,7 +200,7 @@ def test_after_a_restart_nothing_of_before_is_given(tmp_path, text):
     sweep(assembler, 5.0, 11)
     sweep(assembler, 5 + T, 12, [0, 1])
     assembler.restart()
-    assert assembler.statistics().losses[LossReason.UNFINISHED] == 2
+    assert assembler.facts().losses[LossReason.UNFINISHED] == 2
     frame = only(frames(sweep(assembler, 5 + T + 0.002, 13, [2]) + assembler.end_period()))
     assert (rows(frame), frame.sequence) == ([None, None, 13], 0)
     assembler.resume(7)
@@ -222,9 +222,9 @@ def test_tpdos_from_before_and_after_the_start_of_a_node_are_not_joined(tmp_path
 def test_incomplete_frames_can_be_withheld(tmp_path, text):
     assembler = made(tmp_path, text, drop_incomplete=True)
     found = frames(sweep(assembler, 5.0, 11, [0, 1]) + sweep(assembler, 5 + T, 12))
-    counts = assembler.statistics()
+    counts = assembler.facts()
     assert [rows(frame) for frame in found] == [[12, 12, 12]]
-    assert (counts.withheld, counts.losses[LossReason.INCOMPLETE], counts.used) == (1, 2, 3)
+    assert (counts.frames_withheld, counts.losses[LossReason.INCOMPLETE], counts.tpdos_used) == (1, 2, 3)
     assert is_balanced(assembler)
 
 
@@ -237,7 +237,7 @@ def test_a_snapshot_has_the_age_of_each_tpdo(snapshots):
     np.testing.assert_allclose(frame.tpdo_ages.ages, [0.006, 0, 0.010], atol=1e-6)
     assert frame.tpdo_ages.taxel_tpdos.tolist() == [[0, 0], [1, 1], [2, 2]]
     assert frame.tpdo_ages.of(2, 1) == pytest.approx(0.010, abs=1e-6)
-    assert snapshots.statistics()[:6] == (1, 0, 3, 3, 3, 0)
+    assert tally(snapshots) == (1, 0, 3, 3, 3, 0)
 
 
 def test_ages_stay_with_a_frame_whose_values_are_taken_away(snapshots, tmp_path):
@@ -348,7 +348,7 @@ def test_used_by_node_and_a_node_that_ends(tmp_path):
     results += sum((assembler.feed(ids[rank], bytes([12, 12]), 5 + T * i + 0.001 * rank)
                     for i in range(1, 6) for rank in range(2)), ())
     assert rows(frames(results)[0]) == [11, 11, 11] and rows(frames(results)[-1]) == [12, 12, None]
-    assert assembler.statistics().used_by_node[1] == 1 and is_balanced(assembler)
+    assert assembler.facts().used_by_node[1] == 1 and is_balanced(assembler)
 
 
 BAD = {

@@ -163,9 +163,9 @@ def test_while_the_driver_is_stopped_nothing_is_given():
         bus = other_bus('event_stopped')
         time.sleep(0.1)
         bench.forget()
-        received = bench.driver.statistics().can_frames['tpdo']
+        received = bench.driver.facts().can_frames['tpdo']
         bus.send(can.Message(arbitration_id=0x000, is_extended_id=False, data=b'\x01\x20'))
-        assert wait_until(lambda: bench.driver.statistics().can_frames['tpdo'] > received + 40)
+        assert wait_until(lambda: bench.driver.facts().can_frames['tpdo'] > received + 40)
         assert bench.frames.empty()
         bus.shutdown()
 
@@ -185,7 +185,7 @@ def test_pads_with_and_without_sync_on_one_bus():
     driver.close()
     simulator.stop()
     assert {name for name, frame in frames if frame.tpdo_ages is not None} == {'event'}
-    counts = driver.statistics()
+    counts = driver.facts()
     assert driver.traffic.syncs_sent > 3
-    assert all(pad.received == pad.used + pad.pending + sum(pad.losses.values())
-               for pad in counts.pads.values())
+    assert all(pad.tpdos_received == pad.tpdos_used + pad.tpdos_pending + sum(pad.losses.values())
+               for pad in counts.pads)

@@ -46,7 +46,7 @@ def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
         bench.run()
         bench.adapter.is_plugged = False
         bench.wait(lambda: bench.adapter.opened == 1 and bench.driver.failure is not None, 'not failed')
-        bench.wait(lambda: bench.driver.health().outages.seconds > 1.0, 'the outage ends by itself')
+        bench.wait(lambda: bench.driver.facts().outage_seconds > 1.0, 'the outage ends by itself')
         bench.repair()
         frames = [frame for _, frame in bench.kept]
     before, after = max(zip(frames, frames[1:]), key=lambda pair: pair[1].sequence - pair[0].sequence)
@@ -60,7 +60,7 @@ def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
         bench.run().wait_for_whole('pad32', time.time())
         bench.cause()
         bench.adapter.is_plugged = False
-        bench.wait(lambda: bench.driver.health().outages.seconds > 0.3, 'the outage ends by itself')
+        bench.wait(lambda: bench.driver.facts().outage_seconds > 0.3, 'the outage ends by itself')
         bench.repair()
     assert [path.name for path in tmp_path.iterdir()] == ['session.log']
     syncs = np.array([float(line.split()[0][1:-1]) for line in record.read_text().splitlines() if ' 080#' in line])

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from can_bench import tiny_layout
 
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.health import BusFault, TpdoOrder
 from tactile_node.cli.main import main
 from tactile_node.errors import LogError
@@ -48,11 +48,12 @@ def test_ring_session_accounts_for_every_can_frame():
     frames, source = play(RING, nus_pad())
     with gzip.open(RING, 'rt') as log:
         ids = [int(line.split()[2].split('#')[0], 16) for line in log]
-    pad, counted = source.statistics().pads['pad'], source.statistics().can_frames
+    pad, counted = source.facts().pad('pad'), source.facts().can_frames
     syncs, tpdos = ids.count(0x80), sum(0x180 < i < 0x500 for i in ids)
     assert (syncs, tpdos) == (77, 77 * 64)  # The log contains every poll of the recording, with 64 rows per poll.
-    assert pad.complete == len(frames) == syncs and pad.used == pad.received == tpdos
-    assert sum(pad.losses.values()) == pad.pending == pad.incomplete == source.statistics().unread == 0
+    assert pad.frames_complete == len(frames) == syncs and pad.tpdos_used == pad.tpdos_received == tpdos
+    assert sum(pad.losses.values()) == pad.tpdos_pending == pad.frames_incomplete == 0
+    assert source.facts().unread_log_lines == 0
     assert counted == {'nmt': ids.count(0), 'sdo': sum(i in (0x620, 0x5A0) for i in ids), 'sync': syncs,
                        'heartbeat': ids.count(0x720), 'tpdo': tpdos}
     assert sum(counted.values()) == len(ids)
@@ -97,16 +98,16 @@ def test_oddities_of_a_log_are_counted_by_service(tmp_path):
                    '(1.4) can0 555#01', '(1.5) can0 100#01')
     frames, source = play(log, tiny_pads(tmp_path))
     assert len(frames) == 1 and frames[0][1].values[0].tolist() == [0, 2]
-    assert source.statistics().can_frames == {'tpdo': 4, 'sync': 1, 'foreign': 3, 'remote': 1, 'error': 1,
+    assert source.facts().can_frames == {'tpdo': 4, 'sync': 1, 'foreign': 3, 'remote': 1, 'error': 1,
                                               'emcy': 1,
                                               'time': 1}
-    assert source.statistics().pads['pad'].losses[LossReason.BEFORE_FIRST_SYNC] == 1
+    assert source.facts().pad('pad').losses[LossReason.BEFORE_FIRST_SYNC] == 1
 
 
 def test_bad_lines_are_counted_and_the_rest_is_read(tmp_path):
     log = tiny_log(tmp_path, SYNC, 'garbage', ROWS[0], '(1.15) can0 28', ROWS[1], ROWS[2], '(1.4) can0 0')
     frames, source = play(log, tiny_pads(tmp_path))
-    assert source.statistics().unread == 3 and source.statistics().pads['pad'].complete == len(frames) == 1
+    assert source.facts().unread_log_lines == 3 and source.facts().pad('pad').frames_complete == len(frames) == 1
 
 
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.mcap'])
@@ -135,7 +136,7 @@ def test_a_line_cut_short_never_reads_as_another_frame(tmp_path):
     log.write_text('\n'.join([SYNC, *ROWS[:2], '(1.3) can0 381#0A0C'])[:-1])
     frames, source = play(log, tiny_pads(tmp_path))
     assert [f.missing_can_frames for _, f in frames] == [1] and np.isnan(frames[0][1].values[2]).all()
-    assert source.statistics().unread == 1
+    assert source.facts().unread_log_lines == 1
 
 
 @pytest.mark.parametrize(('name', 'content'), [
@@ -313,7 +314,7 @@ def test_a_damaged_stamp_costs_its_own_can_frame_alone(tmp_path, damaged):
     frames, source = play(tiny_log(tmp_path, *lines), tiny_pads(tmp_path))
     assert [frame.stamp for _, frame in frames] == [1e9, 1e9 + 1, 1e9 + 2]
     assert [frame.missing_can_frames for _, frame in frames] == [0, 1, 0]
-    assert source.statistics().unread == 1 and source.statistics().clock_jumps == 0 and damaged in source.reader.summary
+    assert source.facts().unread_log_lines == 1 and source.facts().clock_jumps == 0 and damaged in source.reader.summary
 
 
 def test_a_gap_is_reported_and_not_waited_for(tmp_path, caplog):
@@ -332,7 +333,7 @@ def test_consumer_that_fails_is_counted(tmp_path, caplog):
     source.start()
     assert source.finished.wait(60)
     source.close()
-    assert source.statistics().consumer_errors == 1 and 'division by zero' in caplog.text
+    assert source.facts().consumer_errors == 1 and 'division by zero' in caplog.text
 
 
 def test_a_failed_replay_reports_the_failure_and_counts_as_finished(tmp_path, caplog):
@@ -376,7 +377,7 @@ def test_a_pad_without_taxels_is_distinguished_from_a_pad_missing_in_the_log(tmp
 def test_a_replay_names_the_order_of_a_device_that_is_not_the_layout_s(tmp_path, caplog):
     sweeps = [line for number in range(3) for line in (SYNC, ROWS[1], ROWS[0], ROWS[2])]
     frames, source = play(tiny_log(tmp_path, *sweeps), tiny_pads(tmp_path))
-    assert [frame.missing_can_frames for _, frame in frames] and source.statistics().pads['pad'].complete == 0
+    assert [frame.missing_can_frames for _, frame in frames] and source.facts().pad('pad').frames_complete == 0
     order = TpdoOrder(1, ('2', '1', '3'), ('1', '2', '3'))
     said, = [record for record in caplog.records if getattr(record, 'fact', None) == order]
     assert 'order 2, 1, 3' in said.getMessage() and '1, 2, 3' in said.getMessage() and 'Node 1' in said.getMessage()

@@ -345,4 +345,4 @@ def test_no_taxel_frame_is_made_of_what_was_before_a_gap_and_what_came_after(tmp
     for _, frame in frames:
         valid = frame.status == TaxelStatus.VALID
         assert set(np.rint(frame.values[valid] / layout.value.scale)) <= {round((frame.stamp - BEGIN) * 100)}
-    assert source.statistics().pads['left'].complete > 60
+    assert source.facts().pad('left').frames_complete > 60

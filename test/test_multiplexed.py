@@ -7,7 +7,7 @@ import pytest
 from can_bench import Loss, only, telling, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.taxel_frame import TaxelStatus

@@ -129,7 +129,7 @@ def test_no_other_tpdo_is_taken_for_taxels(tmp_path, caplog):
         bench.run()
         frames = bench.take_whole(3)
         rival, other = cob_id(bench, 1), cob_id(bench, 2)
-        losses = bench.driver.statistics().pads['pad32'].losses
+        losses = bench.driver.facts().pad('pad32').losses
     assert all(np.allclose(frame.values, 2.0) for _, frame in frames)
     assert rival >> 31 == 1 and other >> 31 == 0, 'the rival TPDO must be disabled, and TPDO 2 has another COB-ID'
     assert not any(losses.values()) and 'TPDO 1' in caplog.text
@@ -170,5 +170,5 @@ def test_a_node_whose_mapping_is_another_one_gives_no_value_and_is_left_as_it_wa
         bench.take_until(lambda frame: np.isnan(frame.values).all())
         assert wait_until(lambda: cob_id(bench, 1) == 0x1A0)
         after = bench.take(20)
-        health, = bench.driver.health().nodes['pad32']
-    assert all(np.isnan(frame.values).all() for _, frame in after) and health.distrusted >= 20
+        health, = bench.driver.facts().pad('pad32').nodes
+    assert all(np.isnan(frame.values).all() for _, frame in after) and health.frames_distrusted >= 20

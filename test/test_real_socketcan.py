@@ -100,7 +100,7 @@ class Driven:
             return
         is_overloaded = any(isinstance(fact, Overload) for fact in self.log.facts)
         raise (TooSlowError if is_overloaded else AssertionError)(
-            f'{what}; {self.driver.health()}; {self.log.errors}')
+            f'{what}; {self.driver.facts()}; {self.log.errors}')
 
     def check(self) -> None:
         """Check that each published value is either the load on the skin or NaN."""
@@ -113,7 +113,7 @@ def test_taxels_over_two_controllers(controllers):
         bench.wait(lambda: sum(not frame.missing_can_frames for frame in bench.kept) >= 20, 'too few whole frames')
         bench.check()
         sent = bench.simulator.devices[32].frames_sent
-        received, overruns = bench.driver.statistics().pads['pad32'].received, overruns_of_controllers()
+        received, overruns = bench.driver.facts().pad('pad32').tpdos_received, overruns_of_controllers()
     whole = [frame for frame in bench.kept if not frame.missing_can_frames]
     assert all(np.isfinite(frame.values).all() for frame in whole)
     print(f'\nsocketcan: two controllers: {sent} TPDOs sent, {received} received, {overruns} overruns')
@@ -130,7 +130,7 @@ def test_nothing_is_lost_between_linux_and_the_driver(layout, nodes):
         devices = bench.simulator.devices.values()
         bench.wait(lambda: not any(device.operational for device in devices), 'not stopped')
         sent = sum(device.frames_sent for device in devices)
-        bench.wait(lambda: sum(pad.received for pad in bench.driver.statistics().pads.values()) == sent,
+        bench.wait(lambda: sum(pad.tpdos_received for pad in bench.driver.facts().pads) == sent,
                    f'{sent} TPDOs sent, some not received')
         print(f'\nsocketcan: {layout} on vcan: {sent} TPDOs sent, all received')
 
@@ -158,7 +158,7 @@ def test_network_down_and_up_again(controllers):
         up = time.time()
         bench.wait(lambda: bench.whole_after(up), 'no whole frames again')
         print(f'\nsocketcan: whole frames {time.time() - up:.2f} s after can0 was up again')
-        assert bench.driver.health().outages.count == 1
+        assert bench.driver.facts().outages == 1
         bench.check()
 
 

@@ -73,5 +73,5 @@ def test_a_live_bus_does_not_publish_the_time(ros):
 def test_without_the_parameter_there_is_no_clock(ros):
     replay = Replay(ros, publish_clock=False)
     replay.driver.autostart()
-    replay.until(lambda: replay.driver.source.statistics().pads['left'].complete > 3)
+    replay.until(lambda: replay.driver.source.facts().pad('left').frames_complete > 3)
     assert replay.consumer.count_publishers('/clock') == 0

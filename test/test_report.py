@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from test_logs import DATA
 
+from tactile_node.assembly.facts import losses_in
 from tactile_node.conditioning.taxel_faults import TaxelFault
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_records import message_count
@@ -75,7 +76,7 @@ def test_touches_of_a_session_with_their_size(whole):
         for before, after in zip(pad.touches, pad.touches[1:]):
             assert before.begin < before.end < after.begin
         assert all(touch.contact.confidence > 0.9 and touch.contact.outline is not None for touch in pad.touches)
-        assert (pad.frames, pad.incomplete, pad.lost_frames, pad.counts.losses) == (120, 0, 0, {})
+        assert (pad.frames, pad.incomplete, pad.lost_frames, losses_in(pad.counts)) == (120, 0, 0, {})
 
 
 def test_devices_and_bus_of_a_session(whole):
@@ -118,9 +119,9 @@ def test_faults_inserted_into_a_log_are_found(tmp_path):
         out += changed[k]
     report = report_of(logged(tmp_path / 'x.log', out))
     left, right = report.pads
-    assert left.counts.losses == {'duplicate': 1, 'short': 1} and right.counts.losses == {}
+    assert losses_in(left.counts) == {'duplicate': 1, 'short': 1} and losses_in(right.counts) == {}
     assert (left.frames, left.incomplete, right.incomplete) == (28, 2, 0)
-    assert left.counts.received == left.counts.used + 2  # Each received TPDO was used or lost.
+    assert left.counts['tpdos_received'] == left.counts['tpdos_used'] + 2  # Each received TPDO was used or lost.
     assert '<tr class=bad><td>lost: duplicate</td><td>1</td></tr>' in page_of(report)
     node5, node32, node64 = report.nodes
     assert node32.objects[0x1008, 0] == (b'<script>alert(1)',)
@@ -172,10 +173,10 @@ def test_taxels_of_another_node_are_not_given(tmp_path):
     """With node-ID 33, most TPDOs of node 32 would match the layout."""
     log = logged(tmp_path / 'x.log', session())
     pad, = report_of(log, node_ids=(33,)).pads
-    assert pad.strangers == (32,) and pad.counts.used > 0 and not pad.touches and pad.health is None
+    assert pad.strangers == (32,) and pad.counts['tpdos_used'] > 0 and not pad.touches and pad.health is None
     report = report_of(log, node_ids=(9,))
     pad, = report.pads
-    assert pad.counts.used == 0 and not pad.touches and pad.strangers == ()
+    assert pad.counts['tpdos_used'] == 0 and not pad.touches and pad.strangers == ()
     assert (Remark.NO_TAXELS, 'pad9') in found_in(report)
     silent = next(node for node in report.nodes if node.node_id == 9)
     assert silent.heartbeats == 0 and not silent.nmt and silent.longest_pause is None
@@ -321,7 +322,7 @@ def test_counts_of_the_driver_are_those_within_the_recording():
     for k, each in enumerate((status(late=5, emcy=2), status(late=8, emcy=3), status(late=1, emcy=0))):
         record.feed(BEGIN + k, each)
     # The count of late TPDOs rises by 3. The driver then restarts, and its new count of 1 is added.
-    assert record.counts('robot/left').losses == {'late': 4, 'short': 7}
+    assert losses_in(record.counts('robot/left')) == {'late': 4, 'short': 7}
     assert record.counts('right') is None
     node, = record.nodes()
     assert node.emergencies.count == 1 and [each.text for each in node.emergencies] == ['EMCY 0x4210']

@@ -10,7 +10,7 @@ import pytest
 from can_bench import Loss, only, telling, tiny_layout
 
 from tactile_node.assembly.assembler import FrameAssembler
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.pads import PadSettings, check_pads, make_pads
 from tactile_node.taxel_frame import TaxelStatus
@@ -46,7 +46,7 @@ def test_nodes_may_interleave_as_arbitration_has_it(assembler, order):
     assembler.sync(0.0)
     frame = feed(assembler, *(next(senders[node]) for node in order))
     assert frame.values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
-    assert assembler.statistics().used_by_node == (2, 2)
+    assert assembler.facts().used_by_node == (2, 2)
 
 
 def test_a_silent_node_takes_only_its_own_taxels(assembler):
@@ -55,7 +55,7 @@ def test_a_silent_node_takes_only_its_own_taxels(assembler):
     frame, = assembler.end_period()
     assert frame.values[:2].tolist() == [[1, 2], [3, 4]] and np.isnan(frame.values[2:]).all()
     assert frame.missing_can_frames == 2 and (frame.status[2:] == TaxelStatus.STALE).all()
-    assert assembler.statistics().used_by_node == (2, 0)
+    assert assembler.facts().used_by_node == (2, 0)
 
 
 def test_the_delayed_tail_of_one_node_goes_back_once_that_node_begins_its_next_sweep(assembler):
@@ -120,8 +120,8 @@ def test_a_lost_sync_never_mixes_two_periods_of_two_nodes(assembler, second):
     assert feed(assembler, *FIRST, *SECOND) == Loss(LossReason.LATE)
     frame = only(assembler.sync(1.0))
     assert np.isnan(frame.values).all() and frame.missing_can_frames == 4
-    counts = assembler.statistics()
-    assert counts.received == counts.losses[LossReason.LATE] == 6 + len(second)
+    counts = assembler.facts()
+    assert counts.tpdos_received == counts.losses[LossReason.LATE] == 6 + len(second)
     assert feed(assembler, *FIRST, *SECOND).values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
 
 
@@ -130,8 +130,8 @@ def test_incomplete_frames_are_dropped_as_a_whole(tmp_path):
     assembler.sync(0.0)
     feed(assembler, *FIRST)
     assert only(assembler.end_period()) == Loss(LossReason.INCOMPLETE, 2)
-    counts = assembler.statistics()
-    assert (counts.withheld, counts.losses[LossReason.INCOMPLETE], counts.used_by_node) == (1, 2, (0, 0))
+    counts = assembler.facts()
+    assert (counts.frames_withheld, counts.losses[LossReason.INCOMPLETE], counts.used_by_node) == (1, 2, (0, 0))
 
 
 @pytest.mark.parametrize(('text', 'says'), [

@@ -15,7 +15,7 @@ import pytest
 from can_bench import Bench, SkinMaster, serial_line, wait_until
 from faulty_bus import Adapter
 
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.bus import slcan_bus
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.cia301.frame_bits import Frame
@@ -98,9 +98,9 @@ def test_the_tpdos_are_sent_in_the_order_of_the_layout(tmp_path):
     with Bench('unsorted', str(path), eds='sim16x16.eds', source=lambda t: still, sync_period=0.05) as bench:
         bench.run()
         (_, frame), *_ = bench.take_whole(3)
-        losses = bench.driver.statistics().pads['pad32'].losses
+        losses = bench.driver.facts().pad('pad32').losses
         assert np.array_equal(frame.values, still) and not losses[LossReason.OUT_OF_ORDER]
-        assert bench.driver.statistics().pads['pad32'].orders == (None,)
+        assert bench.driver.facts().pad('pad32').orders == (None,)
 
 
 def test_the_skin_applies_a_written_mapping_transmission_type_and_cob_id(wire):

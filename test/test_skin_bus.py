@@ -64,8 +64,9 @@ def test_every_kind_of_skin_end_to_end_and_its_log_again(tmp_path, layout, sent)
         _, same = played[np.abs(stamps - frame.stamp).argmin()]
         assert abs(same.stamp - frame.stamp) < 2e-5  # candump writes microseconds.
         np.testing.assert_array_equal(same.values, frame.values)
-    pad = source.statistics().pads['pad32']
-    assert pad.received == pad.used + pad.pending + sum(pad.losses.values()) and pad.used >= 10 * len(skin.tpdos)
+    pad = source.facts().pad('pad32')
+    assert pad.tpdos_received == pad.tpdos_used + pad.tpdos_pending + sum(pad.losses.values())
+    assert pad.tpdos_used >= 10 * len(skin.tpdos)
 
 
 def test_stop_and_start_again():
@@ -76,7 +77,7 @@ def test_stop_and_start_again():
         device = bench.simulator.devices[32]
         assert wait_until(lambda: not device.operational)
         # The last sweep may still be in transit, so the number of sent frames may still rise.
-        assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == device.frames_sent)
+        assert wait_until(lambda: bench.driver.facts().pad('pad32').tpdos_received == device.frames_sent)
         bench.driver.start()
         assert bench.take_until(lambda frame: frame.sequence == 0)
         bench.driver.stop()
@@ -110,7 +111,7 @@ def test_absent_tpdo_is_missing_not_zero():
         # The device's response confirms the write to 0x1802 sub 1.
         assert wait_until(lambda: other.recv(60).data.hex() == '6002180100000000')
         other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
-        assert wait_until(lambda: bench.driver.statistics().pads['pad32'].received == 31)
+        assert wait_until(lambda: bench.driver.facts().pad('pad32').tpdos_received == 31)
         other.send(can.Message(arbitration_id=0x80, is_extended_id=False))
         frame = bench.take(1)[0][1]
     assert frame.missing_can_frames == 1
@@ -203,7 +204,7 @@ def test_consumer_that_fails_does_not_stop_the_bus(caplog):
         bench.driver = SkinBus(BusSettings(INTERFACE, bench.channel, sync_period=0.01), bench.pads,
                                lambda *_: 1 / 0)
         bench.run()
-        assert wait_until(lambda: bench.driver.statistics().consumer_errors >= 3)
+        assert wait_until(lambda: bench.driver.facts().consumer_errors >= 3)
 
 
 def test_a_sync_producer_that_dies_is_an_internal_error_with_its_traceback(monkeypatch, caplog):
@@ -239,12 +240,12 @@ def test_sync_of_another_producer_gives_no_frames_while_inactive():
         bench.driver.open()
         bench.driver.configure()
         sync(3)
-        assert wait_until(lambda: bench.driver.statistics().can_frames.get('sync') == 3)
+        assert wait_until(lambda: bench.driver.facts().can_frames.get('sync') == 3)
         bench.driver.start()
         sync(2)
         assert bench.take(1)[0][1].sequence == 0
         bench.driver.stop()
         sync(3)
-        assert wait_until(lambda: bench.driver.statistics().can_frames.get('sync') == 8)
+        assert wait_until(lambda: bench.driver.facts().can_frames.get('sync') == 8)
         bench.driver.close()
-        assert bench.driver.statistics().pads['pad32'].published <= 2 and bench.frames.qsize() <= 1
+        assert bench.driver.facts().pad('pad32').published <= 2 and bench.frames.qsize() <= 1

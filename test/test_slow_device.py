@@ -78,7 +78,7 @@ def test_a_driver_closes_while_it_configures_a_slow_device():
         delay_answers(device, 0.3)
         device.power_off()
         device.boot()
-        assert wait_until(lambda: bench.driver.health().nodes['pad32'][0].fault is NodeFault.BOOTED)
+        assert wait_until(lambda: bench.driver.facts().pad('pad32').nodes[0].fault is NodeFault.BOOTED)
         with other_bus('slow close') as other:
             def requests() -> int:
                 return sum(message.arbitration_id == 0x620 for message in iter(lambda: other.recv(0), None))

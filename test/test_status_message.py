@@ -5,6 +5,7 @@ A subscriber that starts late still receives the status message.
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +13,13 @@ import pytest
 from diagnosed import diagnosed
 from rclpy.qos import DurabilityPolicy
 
-from tactile_node.assembly.fault_text import failure_text
-from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
+from tactile_node.assembly.facts import BusFacts, LossReason, NodeFacts, PadFacts
 from tactile_node.assembly.health import (
     BusFault,
-    BusHealth,
     Failure,
     NodeFault,
-    NodeHealth,
-    Outages,
     Overload,
     SyncFault,
-    SyncState,
 )
 from tactile_node.cia301.objects import NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
@@ -39,14 +35,16 @@ from tactile_skin.srv import Tare
 pytestmark = pytest.mark.ros
 
 
-def message(late=0, fault=NodeFault.NONE, **health):
-    pad = PadStatistics(complete=9, incomplete=1, expected=320, received=319 + late, used=318, pending=0,
-                        losses={LossReason.LATE: late, LossReason.SHORT: 1})
-    counts = BusStatistics({'left': pad}, {'tpdo': 320, 'error': 4}, queue_overruns=2, clock_jumps=3)
-    node = NodeHealth(32, NmtState.OPERATIONAL, True, None, boots=1, fault=fault,
-                      outages=Outages(2, 1.5, NodeFault.BOOTED))
-    state = BusHealth(nodes={'left': (node,)}, load=0.25, **health)
-    return status_message(diagnosed(BusDiagnostics('driver', 'can0'), counts, state), counts, state)
+WELL = PadFacts('left', frames_complete=9, tpdos_expected=320, tpdos_received=320, tpdos_used=320)
+
+
+def message(late=0, fault=NodeFault.NONE, **bus):
+    node = NodeFacts('left', 32, NmtState.OPERATIONAL, True, boots=1, fault=fault, outages=2, outage_seconds=1.5,
+                     outage_last_reason=NodeFault.BOOTED)
+    pad = PadFacts('left', frames_complete=9, frames_incomplete=1, tpdos_expected=320, tpdos_received=319 + late,
+                   tpdos_used=318, losses={LossReason.LATE: late, LossReason.SHORT: 1}, nodes=(node,))
+    facts = BusFacts((pad,), error_frames=4, queue_overruns=2, clock_jumps=3, bus_load=0.25, **bus)
+    return status_message(diagnosed(BusDiagnostics('driver', 'can0'), facts), facts)
 
 
 def test_counts_and_state_are_in_their_fields():
@@ -64,10 +62,10 @@ def test_counts_and_state_are_in_their_fields():
 
 
 def test_sync_overload_and_an_active_error_are_in_their_fields():
-    found = message(sync=SyncState(SyncFault.OTHER_PERIOD, period=0.5), overload=Overload.BEHIND, stalls=2)
+    found = message(sync_fault=SyncFault.OTHER_PERIOD, sync_period=0.5, overload=Overload.BEHIND, stalls=2)
     assert (found.sync_fault, found.sync_period) == (SkinStatus.SYNC_FAULT_OTHER_PERIOD, 0.5)
     assert (found.overload, found.stalls) == (SkinStatus.OVERLOAD_BEHIND, 2)
-    assert math.isnan(message().sync_period) and message(sync=SyncState(foreign=7)).foreign_syncs == 7
+    assert math.isnan(message().sync_period) and message(foreign_syncs=7).foreign_syncs == 7
     assert message().pads[0].nodes[0].emcy_active == ''
 
 
@@ -81,7 +79,7 @@ def test_a_failure_has_its_code_and_text():
     assert (well.fault, well.failure) == (SkinStatus.FAULT_NONE, '')
     failed = message(failure=failure)
     assert (failed.level, failed.fault, failed.failure) == (
-        SkinStatus.ERROR, SkinStatus.FAULT_BUS_OFF, failure_text(failure))
+        SkinStatus.ERROR, SkinStatus.FAULT_BUS_OFF, str(failure))
 
 
 @pytest.mark.parametrize(('kind', 'faults', 'prefix'), [
@@ -108,10 +106,8 @@ def test_code_0_of_a_faulty_taxel_is_not_known():
     (None, NodeStatus.NMT_NOT_KNOWN), (0x00, NodeStatus.NMT_BOOT_UP), (0x04, NodeStatus.NMT_STOPPED),
     (0x05, NodeStatus.NMT_OPERATIONAL), (0x7F, NodeStatus.NMT_PRE_OPERATIONAL), (0x33, NodeStatus.NMT_UNDEFINED)])
 def test_nmt_states_have_their_numbers_and_0_is_not_known(state, number):
-    pad = PadStatistics(complete=9, incomplete=0, expected=320, received=320, used=320, pending=0, losses={})
-    counts = BusStatistics({'left': pad}, {})
-    health = BusHealth(nodes={'left': (NodeHealth(32, state, True, None),)})
-    node, = status_message(diagnosed(BusDiagnostics('driver', 'can0'), counts, health), counts, health).pads[0].nodes
+    facts = BusFacts((replace(WELL, nodes=(NodeFacts('left', 32, state, True),)),))
+    node, = status_message(diagnosed(BusDiagnostics('driver', 'can0'), facts), facts).pads[0].nodes
     assert node.nmt_state == number and (node.nmt_state == 0) == (state is None)
 
 
@@ -124,23 +120,21 @@ def constants_of(kind):
 def test_a_faulty_taxel_has_its_code():
     kinds = np.zeros((2, 2), np.uint8)
     kinds[1, 0] = TaxelFault.STUCK
-    pad = PadStatistics(complete=9, incomplete=0, expected=320, received=320, used=320, pending=0, losses={})
-    counts, health = BusStatistics({'left': pad}, {}), BusHealth()
+    facts = BusFacts((WELL,))
     conditions = {'left': PadCondition(FaultyTaxels(kinds))}
-    sent = diagnosed(BusDiagnostics('driver', 'can0'), counts, health, conditions)
+    sent = diagnosed(BusDiagnostics('driver', 'can0'), facts, conditions)
     assert [item.value for item in sent.status[1].values if item.key == 'faulty_taxels'] == ['stuck: (1, 0)']
-    taxel, = status_message(sent, counts, health, conditions).pads[0].faulty_taxels
+    taxel, = status_message(sent, facts, conditions).pads[0].faulty_taxels
     assert (taxel.row, taxel.col, taxel.code, taxel.fault) == (1, 0, FaultyTaxel.STUCK, 'stuck')
 
 
 def test_a_pad_has_the_state_of_its_zero():
-    pad = PadStatistics(complete=9, incomplete=0, expected=320, received=320, used=320, pending=0, losses={})
-    counts, health = BusStatistics({'left': pad}, {}), BusHealth()
+    facts = BusFacts((WELL,))
     conditions = {'left': PadCondition(FaultyTaxels(np.zeros((2, 2), np.uint8)), zero=ZeroState.DEVICE_HAS_RESTARTED)}
-    diagnostics = diagnosed(BusDiagnostics('driver', 'can0'), counts, health, conditions)
-    assert status_message(diagnostics, counts, health, conditions).pads[0].zero_state \
+    diagnostics = diagnosed(BusDiagnostics('driver', 'can0'), facts, conditions)
+    assert status_message(diagnostics, facts, conditions).pads[0].zero_state \
         == PadStatus.ZERO_DEVICE_HAS_RESTARTED
-    assert status_message(diagnostics, counts, health).pads[0].zero_state == PadStatus.ZERO_NOT_KNOWN
+    assert status_message(diagnostics, facts).pads[0].zero_state == PadStatus.ZERO_NOT_KNOWN
 
 
 def test_late_subscribers_get_it():

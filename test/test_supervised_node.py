@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
+from tactile_node.assembly.facts import BusFacts, PadFacts
 from tactile_node.assembly.health import BusFault, Failure, NodeFault
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.emergency import DeviceErrors
@@ -49,13 +49,13 @@ class Device:
         self.requests.clear()
 
     @property
-    def pad(self) -> PadStatistics:
+    def pad(self) -> PadFacts:
         count = len(NODE.layout.tpdos)
-        return PadStatistics(0, 0, 0, 0, self.used, 0, {}, used_by_node=(self.used,), syncs=self.syncs,
-                             distinct_by_tpdo=((self.syncs,) * count,), fresh_by_tpdo=((self.used,) * count,))
+        return PadFacts('pad', tpdos_used=self.used, used_by_node=(self.used,), syncs=self.syncs,
+                        distinct_by_tpdo=((self.syncs,) * count,), fresh_by_tpdo=((self.used,) * count,))
 
-    def statistics(self) -> BusStatistics:
-        return BusStatistics({'pad': self.pad}, {})
+    def facts(self) -> BusFacts:
+        return BusFacts((self.pad,))
 
     def configure_node(self, _node: object, _timeout: float, pause: bool = True) -> float:
         self.requests.append('configure' if pause else 'check')
@@ -83,7 +83,7 @@ class Device:
 
     @property
     def fault(self) -> NodeFault:
-        return self.node.health(self.clock[0]).fault
+        return self.node.facts(self.clock[0]).fault
 
 
 @pytest.fixture
@@ -163,7 +163,7 @@ def test_the_errors_of_a_node_that_does_not_start_are_logged_once(clock, caplog)
     device.state = b'\x05'
     device.sends = True
     device.run(0.2)
-    assert device.fault is NodeFault.NONE and device.node.health(clock[0]).device_errors is None
+    assert device.fault is NodeFault.NONE and device.node.facts(clock[0]).device_errors is None
 
 
 def test_an_absent_device_is_returned_by_configure_and_reported_once_while_it_is_absent(clock, caplog):
@@ -197,7 +197,7 @@ def test_a_stop_ends_the_outage_without_a_message(clock, caplog):
     device.sends = False
     device.run(1.0)
     device.node.handle(NodeEvent.STOPPED, clock[0])
-    assert device.node.health(clock[0]).outages.current is None and 'again after' not in caplog.text
+    assert device.node.facts(clock[0]).outage_present_reason is None and 'again after' not in caplog.text
 
 
 def test_an_emcy_is_logged_and_repetitions_less_and_less_often(clock, caplog):

@@ -143,6 +143,6 @@ def test_an_adapter_that_was_pulled_out_is_used_under_its_new_name(plugged):
         for pair in held:
             for descriptor in pair:
                 os.close(descriptor)
-    assert descriptors() == before and driver.health().outages.count == 1
+    assert descriptors() == before and driver.facts().outages == 1
     assert all((np.diff([getattr(frame, key) for frame in frames]) > 0).all() for key in ('sequence', 'stamp'))
     assert all(np.allclose(frame.values[np.isfinite(frame.values)], 12.5) for frame in frames)

@@ -4,6 +4,7 @@ import base64
 import io
 import re
 import time
+from dataclasses import replace
 from threading import Event, Timer
 from unittest.mock import MagicMock
 from xml.etree.ElementTree import fromstring
@@ -12,13 +13,15 @@ import numpy as np
 import pytest
 from viewed import NAN, HandSource, contact, state, until
 
-from tactile_node.assembly.frame_source import BusStatistics, LossReason, PadStatistics
-from tactile_node.assembly.health import BusFault, BusHealth, Failure, NodeFault, NodeHealth
+from tactile_node.assembly.facts import BusFacts, LossReason, NodeFacts, PadFacts, losses_in, pad_counts
+from tactile_node.assembly.facts_history import FactsHistory
+from tactile_node.assembly.health import BusFault, Failure, NodeFault
+from tactile_node.cia301.objects import NmtState
 from tactile_node.colour_map import PALETTE, levels
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.contact_text import contact_text
-from tactile_node.viewing.counts_table import HealthHistory, counts_table
+from tactile_node.viewing.counts_table import RECENT_TIME, counts_table
 from tactile_node.viewing.drawn_pad import OLD_AGE, Scales
 from tactile_node.viewing.pad_picture import pad_picture
 from tactile_node.viewing.pad_recogniser import PadRecogniser
@@ -33,7 +36,7 @@ from tactile_node.viewing.page_parts import (
     status_html,
 )
 from tactile_node.viewing.source import MOST_FORCE_POINTS, Store
-from tactile_node.viewing.states import BusFacts, GraspFacts, NodeFacts, PadCounts, PadFacts, facts_of
+from tactile_node.viewing.states import GraspFacts
 from tactile_node.viewing.terminal import show_in_terminal
 from tactile_node.viewing.timeline import Timeline
 
@@ -136,7 +139,7 @@ def test_names_from_topics_are_text_and_not_html():
 
 def test_a_failure_of_the_bus_is_text_and_not_html():
     """The text of a bus failure may contain words from a log or an adapter."""
-    assert '<img' not in counts_table(BusFacts('<img src=x onerror=alert(1)>', 0.1, {}, ()))
+    assert '<img' not in counts_table(BusFacts(failure=Failure(BusFault.BUS_OFF, '<img src=x onerror=alert(1)>')))
 
 
 def test_a_force_of_saturated_taxels_is_a_lower_bound():
@@ -242,7 +245,7 @@ def test_only_pads_and_status_line_show_whether_a_pad_is_live():
     """
     source, browser = HandSource(['left']), Sent()
     source.store.put(state())
-    source.store.put_bus(BusFacts('', 0.3, {}, (PadFacts('left', PadCounts(9, 0, 9, 9, 9)),)))
+    source.store.put_bus(BusFacts((PadFacts('left', 9, tpdos_expected=9, tpdos_received=9, tpdos_used=9),)))
     page = page_of(source, browser)
     page.start()
     until(lambda: browser.client.flush.call_count == 1, 60)
@@ -262,13 +265,14 @@ def test_a_status_line_that_has_become_old_in_the_browser_is_not_empty():
 
 
 def test_bus_and_nodes_do_not_contradict_a_dead_pad():
-    silent = NodeFacts(32, 'OPERATIONAL', 14.0, 'it sends neither heartbeat nor taxels', '')
-    facts = BusFacts('', 0.0, {}, (PadFacts('left', PadCounts(1, 0, 2, 2, 2), (silent,)),))
+    silent = NodeFacts('left', 32, NmtState.OPERATIONAL, False, 14.0, NodeFault.SILENT)
+    pad = PadFacts('left', 1, tpdos_expected=2, tpdos_received=2, tpdos_used=2, nodes=(silent,))
+    facts = BusFacts((pad,))
     rows = rows_of(counts_table(facts))
     assert rows['<b>left</b>'] == ''
     assert rows['bus'] == 'nodes with a fault: 1'
-    assert rows['node 32'].startswith('it sends neither heartbeat nor taxels')
-    well = facts._replace(pads=(facts.pads[0]._replace(nodes=(silent._replace(fault=''),)),))
+    assert NodeFault.SILENT.phrase in rows['node 32']
+    well = BusFacts((replace(pad, nodes=(replace(silent, fault=NodeFault.NONE),)),))
     assert 'class=bad' not in counts_table(well)
     died = counts_table(well, 12.0)  # The driver has died, so the states of its bus and nodes are unknown.
     assert 'no failure' not in died and 'OPERATIONAL' not in died
@@ -330,7 +334,7 @@ def test_stamps_of_another_time_are_reported_as_a_replay():
 
 def test_a_status_that_is_no_longer_sent_is_marked_as_old():
     """The driver died after its last message, which reported no failure."""
-    well = BusFacts('', 0.1, {}, ())
+    well = BusFacts()
     assert 'OLD: nothing newer for 12 s' in counts_table(well, 12.0) and 'OLD' not in counts_table(well, 1.1)
     store = Store(['left'])
     store.put_bus(well, 12.0)
@@ -338,7 +342,7 @@ def test_a_status_that_is_no_longer_sent_is_marked_as_old():
 
 
 def test_the_age_of_a_status_in_a_recording_is_that_at_its_time():
-    timeline, well = Timeline(), BusFacts('', 0.1, {}, ())
+    timeline, well = Timeline(), BusFacts()
     for stamp in (1.0, 9.0):
         timeline.add('left', frame(stamp), 0.004, 'Pa')
     timeline.add_facts(2.0, well)
@@ -350,13 +354,13 @@ def test_the_age_of_a_status_in_a_recording_is_that_at_its_time():
 
 
 def counted(lost, expected, overruns=0):
-    return BusFacts('', 0.1, {'queue_overruns': overruns} if overruns else {}, (
-        PadFacts('left', PadCounts(expected - lost, lost, expected, expected, expected - lost,
-                                   {'late': lost} if lost else {})),))
+    return BusFacts((
+        PadFacts('left', expected - lost, lost, tpdos_expected=expected, tpdos_received=expected,
+                 tpdos_used=expected - lost, losses={LossReason.LATE: lost}),), queue_overruns=overruns)
 
 
 def test_a_loss_is_red_for_a_minute():
-    history, lost, later = HealthHistory(), counted(7, 200, 3), counted(7, 5000, 3)
+    history, lost, later = FactsHistory(RECENT_TIME), counted(7, 200, 3), counted(7, 5000, 3)
     history.before(counted(0, 100), 1000.0)
     table = counts_table(lost, before=history.before(lost, 1001.0))
     assert 'class=bad' in table and rows_of(table)['lost: late'] == '7 (7 in 1 s)'
@@ -369,7 +373,7 @@ def test_a_loss_is_red_for_a_minute():
 
 def test_restarted_counters_are_not_compared_with_earlier_ones():
     """The driver was restarted, so its 9 losses must not be read as 2 more than the 7 losses before."""
-    history = HealthHistory()
+    history = FactsHistory(RECENT_TIME)
     for stamp, facts in enumerate((counted(7, 5000), counted(9, 90), counted(12, 190))):
         before = history.before(facts, float(stamp))
     assert rows_of(counts_table(facts, before=before))['lost: late'] == '12 (3 in 1 s)'
@@ -377,11 +381,11 @@ def test_restarted_counters_are_not_compared_with_earlier_ones():
 
 def test_losses_are_listed_by_reason():
     losses = dict.fromkeys(LossReason, 0) | {LossReason.LATE: 7}
-    pad = PadStatistics(complete=9, incomplete=1, expected=100, received=99, used=92, pending=0, losses=losses)
-    node = NodeHealth(32, 5, True, 0.1, NodeFault.TWO_SENDERS)
-    facts = facts_of(BusStatistics({'left': pad}, {}, queue_overruns=3),
-                     BusHealth(Failure(BusFault.BUS_OFF, 'wire cut'), nodes={'left': (node,)}))
-    assert facts.pads[0].counts.losses == {'late': 7} and facts.counts == {'queue_overruns': 3}
+    node = NodeFacts('left', 32, NmtState.OPERATIONAL, True, 0.1, NodeFault.TWO_SENDERS)
+    pad = PadFacts('left', frames_complete=9, frames_incomplete=1, tpdos_expected=100, tpdos_received=99, tpdos_used=92,
+                   losses=losses, nodes=(node,))
+    facts = BusFacts((pad,), Failure(BusFault.BUS_OFF, 'wire cut'), queue_overruns=3)
+    assert losses_in(pad_counts(pad)) == {'late': 7}
     table = counts_table(facts)
     for said in ('lost: late</td><td>7', '8 missing', 'queue overruns</td><td>3', 'wire cut', 'two devices send'):
         assert said in table

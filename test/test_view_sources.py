@@ -101,7 +101,7 @@ def test_a_view_can_seek_in_a_log(skin, tmp_path):
     assert source.store.shown().problem == ''
     source.seek(source.length)
     until(lambda: (seen := source.store.shown().pads['left']) is not None and seen.contact.shape == 'square')
-    until(lambda: source.store.shown().bus.pads[0].counts.frames_complete > 5)
+    until(lambda: source.store.shown().bus.pads[0].frames_complete > 5)
     assert source.age(source.store.shown().pads['left']) == pytest.approx(0, abs=1e-6)
     source.close()
 

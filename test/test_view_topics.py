@@ -52,11 +52,10 @@ def test_topics_are_subscribed_only_while_somebody_looks(nodes):
 
 
 def test_topics_that_cannot_be_read_any_more_say_why(nodes, monkeypatch, caplog):
-    from tactile_node.nodes import view_topics
     from tactile_node.ros.qos import STATUS_QOS
     from tactile_skin.msg import SkinStatus
     source, node = nodes
-    monkeypatch.setattr(view_topics, 'facts_of_status', lambda message: 1 / 0)
+    monkeypatch.setattr(source.store, 'put_bus', lambda message: 1 / 0)
     publisher = node.create_publisher(SkinStatus, '/skin_driver/status', STATUS_QOS)
     source.start()
     until(publisher.get_subscription_count, 60)

@@ -97,8 +97,8 @@ class Receiver:
 
     def seen(self, nodes: Sequence[Sequence[Node]]) -> list[Seen]:
         self.router.end()
-        statistics = self.router.statistics().pads
-        assert all(pad.received == pad.used + pad.pending + sum(pad.losses.values()) for pad in statistics.values())
+        assert all(pad.tpdos_received == pad.tpdos_used + pad.tpdos_pending + sum(pad.losses.values())
+                   for pad in self.router.facts().pads)
         return [self._seen(pad, own) for pad, own in zip(self._pads, nodes)]
 
     def _seen(self, pad: PadSettings, nodes: Sequence[Node]) -> Seen:

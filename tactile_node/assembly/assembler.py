@@ -70,11 +70,12 @@ Limits:
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import inf
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason, PadStatistics
+from tactile_node.assembly.facts import LossReason, PadFacts
 from tactile_node.assembly.health import TpdoOrder
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.assembly.sweep import Sweep
@@ -171,9 +172,10 @@ class FrameAssembler(PadAssembler):
         self._restart_nodes()
         return frames
 
-    def statistics(self) -> PadStatistics:
+    def facts(self) -> PadFacts:
         nodes = self._nodes.items()
-        return super().statistics()._replace(
+        return replace(
+            super().facts(),
             distinct_by_tpdo=tuple(tuple(self._distinct[rank] for rank in node.ranks) for _, node in nodes),
             orders=tuple(self._order(node_id, node) for node_id, node in nodes),
             fresh_by_tpdo=tuple(tuple(self._fresh[node.ranks].tolist()) for _, node in nodes),

@@ -9,7 +9,7 @@ frame for a failed upload.
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.cia301.objects import SDO_REQUEST, SDO_RESPONSE
 from tactile_node.cia301.sdo import SdoUpload, Step

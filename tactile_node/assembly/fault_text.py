@@ -1,16 +1,15 @@
 """Turn the facts of ``health`` into sentences for logs, /diagnostics and status messages."""
 
+from math import isnan
+
 from tactile_node.assembly.health import (
     BusFault,
     Failure,
-    ForeignCommand,
     NodeFault,
-    NodeHealth,
     SentTpdo,
     SyncState,
     TpdoOrder,
 )
-from tactile_node.cia301.objects import command_name, state_name
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError, TactileError
 
 _REACTIONS = {
@@ -35,64 +34,12 @@ def failure_of(error: Exception) -> Failure:
     return Failure(next((fault for kind, fault in _FAULTS if isinstance(error, kind)), BusFault.NOT_KNOWN), str(error))
 
 
-def failure_text(failure: Failure | NodeFault | None) -> str:
-    """Return a clause that describes a failure, without a full stop, or '' for None.
-
-    Examples
-    --------
-    >>> failure_text(Failure(BusFault.SENDING_FAILED, 'Transmit buffer full'))
-    'the CAN bus cannot send: Transmit buffer full'
-    """
-    if failure is None:
-        return ''
-    if isinstance(failure, NodeFault):
-        return failure.phrase
-    return failure.fault.phrase + (f': {failure.detail.removesuffix(".")}' if failure.detail else '')
-
-
-def node_text(pad: str, node: NodeHealth) -> str:
-    """Return a sentence about the fault of a node, or '' if the node has no fault.
-
-    Parameters
-    ----------
-    pad : str
-        Name of the pad.
-    node : NodeHealth
-        State of one node of the pad.
-
-    Examples
-    --------
-    >>> node_text('left', NodeHealth(32, 0x05, False, 0.62, NodeFault.SILENT))
-    "Node 32 (pad 'left'): it sends neither heartbeat nor taxels (last heartbeat 0.6 s ago: OPERATIONAL)."
-    """
-    if not node.fault.is_fault:
-        return ''
-    details = _details(node)
-    if node.fault is NodeFault.AWAITING_TAXELS:
-        reason = f'; the outage: {failure_text(node.outages.current)}' if node.outages.current is not None else ''
-    else:
-        age, state = node.heartbeat_age, state_name(node.state)
-        reason = ' (no heartbeat so far)' if age is None else f' (last heartbeat {age:.1f} s ago: {state})'
-    return f'{node_label(pad, node.node_id)}: {node.fault.phrase}{details}{reason}.'
-
-
-def _details(node: NodeHealth) -> str:
-    """Return further facts about the fault, beginning with ': ', or '' if there are none."""
-    if node.fault in (NodeFault.TPDO_MISSING, NodeFault.NO_TAXELS):
-        facts = [_tpdos(node.missing_tpdos)] if node.missing_tpdos else []
-        facts += [order_text(node.tpdo_order)] if node.tpdo_order is not None else []
-        return f': {"; ".join(facts)}' if facts else ''
-    if node.fault is NodeFault.TWO_SENDERS and node.surplus_tpdos:
-        return f': received more than once per SYNC: {_tpdos(node.surplus_tpdos)}'
-    if node.fault is NodeFault.NOT_OPERATIONAL and node.device_errors is not None:
-        return f': {node.device_errors}'
-    return ''
-
-
-def _tpdos(tpdos: tuple[SentTpdo, ...]) -> str:
+def tpdos_text(tpdos: tuple[SentTpdo, ...]) -> str:
     """Name each TPDO once, because several frames may belong to one multiplexed TPDO.
 
-    >>> _tpdos((SentTpdo(1, 0x1A0), SentTpdo(1, 0x1A0), SentTpdo(3, 0x3A0)))
+    Examples
+    --------
+    >>> tpdos_text((SentTpdo(1, 0x1A0), SentTpdo(1, 0x1A0), SentTpdo(3, 0x3A0)))
     'TPDO 1 (COB-ID 0x1A0), TPDO 3 (COB-ID 0x3A0)'
     """
     return ', '.join(f'TPDO {number} (COB-ID 0x{can_id:03X})' for number, can_id in dict.fromkeys(tpdos))
@@ -121,7 +68,7 @@ def sync_text(sync: SyncState) -> str:
     if not sync.fault.is_fault:
         return ''
     return sync.fault.phrase + (
-        f': {sync.foreign} SYNCs so far' if sync.period is None else f': {1e3 * sync.period:.1f} ms')
+        f': {sync.foreign} SYNCs so far' if isnan(sync.period) else f': {1e3 * sync.period:.1f} ms')
 
 
 def load_text(load: float, pads: int) -> str:
@@ -146,25 +93,6 @@ def load_text(load: float, pads: int) -> str:
 def reaction_text(fault: NodeFault) -> str:
     """Return a sentence that says how the driver reacts to a fault, or what the user can do."""
     return _REACTIONS.get(fault, 'The driver configures and starts it again.')
-
-
-def emergency_text(pad: str, node: NodeHealth) -> str:
-    """Return a sentence about the last EMCY message from a node of ``pad``."""
-    return f'{node_label(pad, node.node_id)} sends {node.last_emergency}; {node.emergencies} EMCY in all.'
-
-
-def command_text(command: ForeignCommand | None) -> str:
-    """Return the text for an NMT command from another master, or '' for None.
-
-    Examples
-    --------
-    >>> command_text(ForeignCommand(0x81, 32)), command_text(ForeignCommand(0x02, 0))
-    ('reset node to node 32', 'stop to all nodes')
-    """
-    if command is None:
-        return ''
-    nodes = f'node {command.node_id}' if command.node_id else 'all nodes'
-    return f'{command_name(command.command)} to {nodes}'
 
 
 def node_label(pad: str, node_id: int) -> str:

@@ -1,18 +1,22 @@
-"""Facts about the state of a bus and its nodes at one moment.
+"""Faults of a bus and its nodes, with the facts that describe them.
 
-The module ``fault_text`` turns these facts into sentences.
+The text of a fault is a clause without a full stop. The module ``fault_text`` makes sentences of such clauses.
 """
 
 from dataclasses import dataclass, replace
 from enum import unique
+from math import nan
 from typing import Generic, NamedTuple, TypeVar
 
-from tactile_node.cia301.emergency import DeviceErrors, Emergency
+from tactile_node.cia301.objects import command_name
 from tactile_node.code_names import PhrasedCode
 
 
 class Fault(PhrasedCode):
     """A fault. Code 0 means that the fault is not known, and code 1 means that there is no fault."""
+
+    def __str__(self) -> str:
+        return self.phrase
 
     @property
     def is_fault(self) -> bool:
@@ -82,7 +86,7 @@ class SyncState(NamedTuple):
 
     fault: SyncFault = SyncFault.NOT_KNOWN
     foreign: int = 0  #: SYNCs sent by other devices while this driver produces SYNC
-    period: float | None = None  #: period measured while another device produces SYNC [s], else None
+    period: float = nan  #: period measured while another device produces SYNC [s], else NaN
 
 
 class SentTpdo(NamedTuple):
@@ -101,10 +105,17 @@ class TpdoOrder(NamedTuple):
 
 
 class Failure(NamedTuple):
-    """The fault of a bus or a log."""
+    """The fault of a bus or a log. Its text is a clause without a full stop.
+
+    >>> print(Failure(BusFault.SENDING_FAILED, 'Transmit buffer full.'))
+    the CAN bus cannot send: Transmit buffer full
+    """
 
     fault: BusFault
     detail: str = ''  #: text from the adapter, the device or the operating system
+
+    def __str__(self) -> str:
+        return f'{self.fault}: {self.detail.removesuffix(".")}' if self.detail else str(self.fault)
 
 
 #: Cause of an outage. A bus has an outage because of a failure. A node has an outage because of its own fault or a
@@ -150,26 +161,6 @@ class Outages(Generic[Cause]):
         return replace(self, seconds=self.seconds + now - self.begun, begun=now)
 
 
-class NodeHealth(NamedTuple):
-    """State of one node of a pad."""
-
-    node_id: int
-    state: int | None  #: NMT state last received; None if none was received
-    is_operational: bool  #: True if a heartbeat within the timeout reports OPERATIONAL
-    heartbeat_age: float | None  #: time since the last heartbeat [s]; None if no heartbeat was received
-    fault: NodeFault = NodeFault.NONE
-    boots: int = 0  #: boot-up messages received
-    emergencies: int = 0  #: EMCY messages received
-    last_emergency: Emergency | None = None  #: last EMCY message
-    outages: Outages[Failure | NodeFault] = Outages()
-    distrusted: int = 0  #: taxel frames emitted without values because the node was not configured
-    active_emergency: Emergency | None = None  #: last error that the device has not cleared yet
-    missing_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while other TPDOs of the node do
-    surplus_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that are received more often than SYNC
-    tpdo_order: TpdoOrder | None = None  #: sending order of the TPDOs if it differs from the layout, else None
-    device_errors: DeviceErrors | None = None  #: errors that the device reported when it failed to become OPERATIONAL
-
-
 class ErrorCounters(NamedTuple):
     """Error counters of the CAN controller, taken from its last error frame (ISO 11898-1).
 
@@ -181,30 +172,14 @@ class ErrorCounters(NamedTuple):
 
 
 class ForeignCommand(NamedTuple):
-    """An NMT command (CiA 301) from another master."""
+    """An NMT command (CiA 301) from another master.
+
+    >>> print(ForeignCommand(0x81, 32), ForeignCommand(0x02, 0), sep=', ')
+    reset node to node 32, stop to all nodes
+    """
 
     command: int  #: command specifier
     node_id: int  #: addressed node; 0 for all nodes
 
-
-class BusHealth(NamedTuple):
-    """State of a bus or a log."""
-
-    failure: Failure | None = None  #: reason why nothing can be received; None if the bus works
-    is_active: bool = True  #: True if SYNC is on and the nodes are expected to be OPERATIONAL
-    nodes: dict[str, tuple[NodeHealth, ...]] = {}  #: nodes of each pad by pad name; empty for a log; read only
-    outages: Outages[Failure] = Outages()
-    load: float = 0.0  #: share of time for which the bus was busy in the last second, assuming worst-case bit stuffing
-    is_error_passive: bool = False
-    error_counters: ErrorCounters = ErrorCounters()
-    foreign_commands: int = 0  #: NMT commands that another master sent to our nodes
-    last_command: ForeignCommand | None = None  #: last NMT command from another master
-    sync: SyncState = SyncState()
-    #: overload of this process; during an overload, frames that seem to be missing may only be waiting to be processed
-    overload: Overload = Overload.NOT_KNOWN
-    stalls: int = 0  #: number of times this process did not run for a while
-
-    @property
-    def fault(self) -> BusFault:
-        """Fault of the bus; NONE if the bus has not failed."""
-        return BusFault.NONE if self.failure is None else self.failure.fault
+    def __str__(self) -> str:
+        return f'{command_name(self.command)} to {f"node {self.node_id}" if self.node_id else "all nodes"}'

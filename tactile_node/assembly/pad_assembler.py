@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason, PadStatistics
+from tactile_node.assembly.facts import LossReason, PadFacts
 from tactile_node.assembly.health import SentTpdo
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
@@ -27,7 +27,7 @@ class PadAssembler:
     The methods return finished frames and count lost TPDOs.
 
     The rank of a TPDO is its position in the layout. A polled DOMAIN counts as one TPDO. All counts start at
-    construction; see `PadStatistics`.
+    construction; see `PadFacts`.
 
     Parameters
     ----------
@@ -106,13 +106,13 @@ class PadAssembler:
         """End the present period at the end of a log, and return the taxel frames that were not emitted yet."""
         raise NotImplementedError
 
-    def statistics(self) -> PadStatistics:
-        """Return the counts since construction."""
+    def facts(self) -> PadFacts:
+        """Return the counts since construction. The assembler does not know the name and the nodes of its pad."""
         pending, used = self._pending(), int(self._used.sum())
-        return PadStatistics(
-            complete=self._complete, incomplete=self._incomplete,
-            expected=used + self._missing + self._losses[LossReason.INCOMPLETE], received=self._received, used=used,
-            pending=pending, losses=dict(self._losses), withheld=self._withheld, padded=self._padded,
+        return PadFacts(
+            frames_complete=self._complete, frames_incomplete=self._incomplete, frames_withheld=self._withheld,
+            tpdos_expected=used + self._missing + self._losses[LossReason.INCOMPLETE], tpdos_received=self._received,
+            tpdos_padded=self._padded, tpdos_used=used, tpdos_pending=pending, losses=dict(self._losses),
             used_by_node=tuple(self._used.tolist()))
 
     def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:

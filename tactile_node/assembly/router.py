@@ -2,13 +2,15 @@
 
 import logging
 from collections import Counter
+from dataclasses import replace
 from math import inf
 
 import can
 
 from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
-from tactile_node.assembly.frame_source import BusStatistics, OnFrame
+from tactile_node.assembly.facts import BusFacts
+from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.free_bus import SLOW_BITRATE, FreeBus
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
@@ -159,10 +161,11 @@ class Router:
         for name, assembler in self._assemblers.items():
             self._deliver(name, assembler.end_period())
 
-    def statistics(self) -> BusStatistics:
+    def facts(self) -> BusFacts:
         """Return the counts since construction."""
-        pads = {name: assembler.statistics() for name, assembler in self._assemblers.items()}
-        return BusStatistics(pads, dict(self._counts), consumer_errors=self._consumer_errors)
+        pads = tuple(replace(assembler.facts(), pad=name) for name, assembler in self._assemblers.items())
+        return BusFacts(pads, can_frames=dict(self._counts), error_frames=self._counts['error'],
+                        consumer_errors=self._consumer_errors)
 
     def _feed_other(self, can_id: int, stamp: float) -> None:
         """Count a frame that belongs to no pad, and begin the next period if it is a SYNC."""

@@ -36,7 +36,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_node.assembly.frame_source import LossReason
+from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout

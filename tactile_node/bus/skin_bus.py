@@ -4,12 +4,14 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from pathlib import Path
 
 import can
 
-from tactile_node.assembly.fault_text import failure_text, node_label
-from tactile_node.assembly.frame_source import BusStatistics, OnFrame
+from tactile_node.assembly.facts import BusFacts
+from tactile_node.assembly.fault_text import node_label
+from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router
 from tactile_node.bus.bus_devices import BusDevices
@@ -259,16 +261,16 @@ class SkinBus:
         """Withhold incomplete taxel frames from now on if ``is_wanted`` is True; emit them otherwise."""
         self._router.drop_incomplete(is_wanted)
 
-    def statistics(self) -> BusStatistics:
-        """Return the counts since construction."""
-        counted, traffic = self._router.statistics(), self.traffic
-        return counted._replace(can_frames=dict(Counter(counted.can_frames) + Counter(traffic.no_data_frames)),
-                                queue_overruns=traffic.overruns, sync_overruns=self._sync.overruns,
-                                poll_overruns=sum(poll.overruns for poll in self._polls.values()),
-                                clock_jumps=traffic.clock.jumps,
-                                sync_pauses=traffic.pause.count,
-                                unrecorded=0 if self._record is None else self._record.unwritten,
-                                stamps_ahead=traffic.clock.ahead)
+    def facts(self) -> BusFacts:
+        """Return the counts since construction. The state of the bus and its nodes is known to the `Supervisor`."""
+        counted, traffic = self._router.facts(), self.traffic
+        can_frames = Counter(counted.can_frames) + Counter(traffic.no_data_frames)
+        return replace(
+            counted, can_frames=dict(can_frames), error_frames=can_frames['error'], queue_overruns=traffic.overruns,
+            sync_overruns=self._sync.overruns, sync_pauses=traffic.pause.count,
+            poll_overruns=sum(poll.overruns for poll in self._polls.values()),
+            unrecorded_can_frames=0 if self._record is None else self._record.unwritten,
+            clock_jumps=traffic.clock.jumps, stamps_ahead=traffic.clock.ahead)
 
     def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
         """Open the recording if one is wanted.
@@ -313,5 +315,5 @@ class SkinBus:
 
     def _log_failure(self, failure: Failure) -> None:
         logger.error('CAN bus %s %s has failed: %s. Repair it, then deactivate, clean up and configure the driver '
-                     'again.', self._settings.interface, self._settings.channel, failure_text(failure),
+                     'again.', self._settings.interface, self._settings.channel, failure,
                      extra={'fact': failure.fault})

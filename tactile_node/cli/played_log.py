@@ -21,16 +21,17 @@ class PlayedLog(NamedTuple):
     """Result of playing a CAN log."""
 
     frames: dict[str, list[TaxelFrame]]  #: taxel frames by pad name, or empty if the frames were not kept
-    source: LogSource                    #: the closed source, whose statistics and summary can still be read
+    source: LogSource                    #: the closed source, whose facts and summary can still be read
     has_ended: bool                      #: False if the user interrupted the replay
 
     @property
     def unused(self) -> list[InputError]:
         """One error for each pad for which the log contains no usable TPDO."""
-        return [InputError(f'log, pad {name!r}', expected='TPDOs with taxels',
-                           got=f'{pad.received} TPDOs, none of which can be used' if pad.received else 'no TPDO',
-                           remedy=UNUSABLE_REMEDY if pad.received else 'Check --node-id and --layout.')
-                for name, pad in self.source.statistics().pads.items() if not pad.used]
+        return [InputError(f'log, pad {pad.pad!r}', expected='TPDOs with taxels',
+                           got=f'{pad.tpdos_received} TPDOs, none of which can be used' if pad.tpdos_received
+                           else 'no TPDO',
+                           remedy=UNUSABLE_REMEDY if pad.tpdos_received else 'Check --node-id and --layout.')
+                for pad in self.source.facts().pads if not pad.tpdos_used]
 
 
 def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
@@ -88,7 +89,7 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
                        remedy='The frames before the error are not used.')
     for line in damage_lines(source.reader.damages):
         print(line, file=sys.stderr)
-    if source.statistics().unread:
+    if source.facts().unread_log_lines:
         print(f'{path}: {source.reader.summary}', file=sys.stderr)
     played = PlayedLog(frames, source, source.finished.is_set())
     if must_be_used and not played.has_ended:

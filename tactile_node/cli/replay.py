@@ -65,13 +65,13 @@ def run(args: argparse.Namespace) -> int:
                           window=window_of(args), keep=bool(outputs))
         for name, stream in outputs.items():
             stream.write(_as_file(played.frames[name], name, pads[0].layout, is_archive=_is_archive(args.output)))
-    statistics = played.source.statistics()
-    print(summary(statistics), file=sys.stderr if args.output == '-' else sys.stdout)
+    facts = played.source.facts()
+    print(summary(facts), file=sys.stderr if args.output == '-' else sys.stdout)
     for error in played.unused:
         print(error, file=sys.stderr)
     if not played.has_ended or played.unused or played.source.heard.strangers():
         return 1
-    return UNREAD_EXIT if statistics.unread else 0
+    return UNREAD_EXIT if facts.unread_log_lines else 0
 
 
 def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archive: bool) -> bytes:

@@ -8,7 +8,6 @@ from queue import Empty, SimpleQueue
 
 import numpy as np
 
-from tactile_node.assembly.fault_text import failure_text
 from tactile_node.assembly.health import Failure
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.cli.frame_file import read_frames
@@ -172,7 +171,7 @@ def _next(frames: SimpleQueue, failures: list[Failure], stop_requested) -> np.nd
         if stop_requested.is_set():
             raise KeyboardInterrupt
         if failures:
-            raise BusError('CAN bus', expected='a working bus', got=failure_text(failures[0]).rstrip('.'),
+            raise BusError('CAN bus', expected='a working bus', got=str(failures[0]).rstrip('.'),
                            remedy='Correct the fault, then start the command again.')
         try:
             return frames.get(timeout=0.1)

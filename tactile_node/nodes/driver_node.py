@@ -15,6 +15,8 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
+from tactile_node.assembly.facts import BusFacts
+from tactile_node.assembly.fault_text import failure_of
 from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.conditioning.tare import tare_limit
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
@@ -262,8 +264,12 @@ class DriverNode(LifecycleNode):
             self.source.adjust(settings.drop_incomplete, settings.heartbeat_timeout)
 
     def _driver_state(self) -> DriverState:
-        return DriverState(self._lifecycle, self.source, self._steps.error,
-                           {name: pad.condition for name, pad in self._pads.items()})
+        source, error = self.source, self._steps.error
+        if source is not None:
+            facts = source.facts()
+        else:
+            facts = BusFacts(failure=None if error is None else failure_of(error), active=False)
+        return DriverState(self._lifecycle, facts, {name: pad.condition for name, pad in self._pads.items()})
 
     def _publish_after(self, result: TransitionCallbackReturn, goal: PrimaryState) -> TransitionCallbackReturn:
         """Publish the driver's state after a transition to ``goal``, and return the ``result`` of the transition."""

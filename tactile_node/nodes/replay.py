@@ -63,9 +63,9 @@ def play(system: System, spinner: Spinner, stop_requested: Event) -> int:
         raise RuntimeError(f'expected a log to play, got {type(source).__name__}')
     while not source.finished.wait(0.1) and not stop_requested.is_set():
         spinner.check()
-    statistics = source.statistics()
-    published = sum(pad.published for pad in statistics.pads.values())
-    print(f'{summary(statistics)}\nShapes: {system.recognised} of {published} taxel frames')
+    facts = source.facts()
+    published = sum(pad.published for pad in facts.pads)
+    print(f'{summary(facts)}\nShapes: {system.recognised} of {published} taxel frames')
     if system.recognised != published or stop_requested.is_set():
         return 1
-    return UNREAD_EXIT if statistics.unread else 0
+    return UNREAD_EXIT if facts.unread_log_lines else 0

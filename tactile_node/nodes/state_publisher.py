@@ -9,14 +9,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_node.assembly.fault_text import failure_of
-from tactile_node.assembly.frame_source import BusStatistics, FrameSource
-from tactile_node.assembly.health import BusHealth
+from tactile_node.assembly.facts import BusFacts
 from tactile_node.bus.change_pace import ChangePace
 from tactile_node.conditioning.conditioned_pad import PadCondition
-from tactile_node.errors import TactileError
 from tactile_node.nodes.ticker import Ticker
-from tactile_node.ros.diagnostics import EVALUATED_PERIOD, BusDiagnostics, Finding, diagnostic_array, unconfigured
+from tactile_node.ros.diagnostics import EVALUATED_PERIOD, BusDiagnostics, Finding
 from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState, status_message
 from tactile_skin.msg import SkinStatus
@@ -28,8 +25,7 @@ class DriverState(NamedTuple):
     """State of the skin driver."""
 
     lifecycle: PrimaryState
-    source: FrameSource | None = None  #: bus or log, or None while the driver is unconfigured
-    error: TactileError | None = None  #: reason why the driver could not be configured, or None
+    facts: BusFacts  #: facts about the bus or log; they name no pad while the driver is unconfigured
     conditions: Mapping[str, PadCondition] = {}  #: state of the conditioning by name of the pad
 
 
@@ -81,42 +77,28 @@ class StatePublisher:
         """Publish the state if it is due. Always publish the last state (``is_last``)."""
         with self._turn:
             state = self._look()
-            counts, health = _observed(state)
-            if state.source is None:
-                findings = unconfigured(health)
-            else:
-                findings = self._findings.evaluate(counts, health, state.conditions)
-            key, now = _key(state, health, findings), time.monotonic()
+            findings = self._findings.evaluate(state.facts, state.conditions)
+            key, now = _key(state, findings), time.monotonic()
             if is_last:
                 self._pace.note(key, now)
             elif not self._pace.is_due(key, now):
                 return
-            self._publish(state, counts, health, findings)
+            self._publish(state, findings)
 
-    def _publish(self, state: DriverState, counts: BusStatistics, health: BusHealth,
-                 findings: tuple[Finding, ...]) -> None:
-        if state.source is None:
-            message = diagnostic_array(self._name, findings[0], health)
-        else:
-            message = self._findings.message_of(findings, counts, health, state.conditions)
+    def _publish(self, state: DriverState, findings: tuple[Finding, ...]) -> None:
+        message = self._findings.message_of(findings, state.facts, state.conditions)
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-        self._status.publish(status_message(message, counts, health, state.conditions, state.lifecycle))
+        self._status.publish(status_message(message, state.facts, state.conditions, state.lifecycle))
 
 
-def _observed(state: DriverState) -> tuple[BusStatistics, BusHealth]:
-    if state.source is not None:
-        return state.source.statistics(), state.source.health()
-    failure = None if state.error is None else failure_of(state.error)
-    return BusStatistics({}, {}), BusHealth(failure, is_active=False)
-
-
-def _key(state: DriverState, health: BusHealth, findings: tuple[Finding, ...]) -> Hashable:
+def _key(state: DriverState, findings: tuple[Finding, ...]) -> Hashable:
     """Return the fields whose changes are published immediately: levels, codes and the lifecycle state."""
-    nodes = tuple((name, node.node_id, node.fault, node.state, node.is_operational)
-                  for name, of_pad in health.nodes.items() for node in of_pad)
+    facts = state.facts
+    nodes = tuple((node.pad, node.node_id, node.fault, node.state, node.operational)
+                  for pad in facts.pads for node in pad.nodes)
     pads = tuple((name, condition.zero, condition.is_frozen, condition.faults.kinds.tobytes(),
                   condition.other_publishers)
                  for name, condition in state.conditions.items())
-    return (state.lifecycle, health.fault, health.is_active, health.is_error_passive, nodes, pads,
+    return (state.lifecycle, facts.fault, facts.active, facts.error_passive, nodes, pads,
             tuple(finding.level for finding in findings))

@@ -32,7 +32,7 @@ from tactile_node.ros.time_messages import seconds
 from tactile_node.ros.view_messages import ContactMarkers, MarkerLifetime, colour_image, value_image, wrench_message
 from tactile_node.shape.recognition import UnknownReason
 from tactile_node.viewing.source import Store, ViewSource
-from tactile_node.viewing.states import GraspFacts, PadState, SeenContact, facts_of_status, moving_words
+from tactile_node.viewing.states import GraspFacts, PadState, SeenContact, moving_words
 from tactile_skin.msg import Contact, ContactShape, Grasp, SkinStatus, TaxelArray
 
 Message = TypeVar('Message')
@@ -189,7 +189,7 @@ class TopicSource(ViewSource):
             for pad in self.store.pads:
                 _PadTopics(node, pad, self._root + pad, self.store)
             status = f'{self._root}{NODE_NAMES[Role.DRIVER]}/status'
-            node.create_subscription(SkinStatus, status, self._status, STATUS_QOS)
+            node.create_subscription(SkinStatus, status, self.store.put_bus, STATUS_QOS)
             self._grasp_age = InputAge()
             GuardedSubscription(node, Grasp, f'{self._root}grasp', self._grasp, frames_qos(VIEW_QUEUE_DEPTH),
                                 check=check_grasp, newest_only=True)
@@ -211,9 +211,6 @@ class TopicSource(ViewSource):
         if self._is_open:
             self._is_open = False
             rclpy.try_shutdown()
-
-    def _status(self, message: SkinStatus) -> None:
-        self.store.put_bus(facts_of_status(message))
 
     def _grasp(self, message: Grasp) -> None:
         arrival = self._grasp_age.arrived(message)

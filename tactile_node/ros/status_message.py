@@ -1,19 +1,17 @@
 """State and counts of the driver as a SkinStatus message, with the same levels as on /diagnostics."""
 
 import math
-from array import array
 from collections.abc import Mapping
 from enum import IntEnum
 from types import MappingProxyType
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 
-from tactile_node.assembly import counters
-from tactile_node.assembly.fault_text import command_text, failure_text, node_text
-from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
-from tactile_node.assembly.health import BusHealth, NodeHealth
-from tactile_node.cia301.objects import NmtState, state_name
+from tactile_node.assembly.facts import BusFacts, NodeFacts, PadFacts
+from tactile_node.assembly.health import Fault
+from tactile_node.cia301.objects import NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
@@ -36,7 +34,7 @@ class PrimaryState(IntEnum):
     FINALIZED = State.PRIMARY_STATE_FINALIZED
 
 
-def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: BusHealth,
+def status_message(diagnostics: DiagnosticArray, facts: BusFacts,
                    conditions: Mapping[str, PadCondition] = MappingProxyType({}),
                    lifecycle: PrimaryState = PrimaryState.NOT_KNOWN) -> SkinStatus:
     """Return the status of the driver as a message.
@@ -44,11 +42,9 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
     Parameters
     ----------
     diagnostics
-        Message of BusDiagnostics for the same counts and health, which lists the bus before its pads.
-    counts
-        Counts of the bus and its pads.
-    health
-        Health of the bus and its nodes.
+        Message of BusDiagnostics for the same facts, which lists the bus before its pads.
+    facts
+        Facts about the bus, its pads and their nodes.
     conditions
         Condition of the taxels, by pad name.
     lifecycle
@@ -56,19 +52,19 @@ def status_message(diagnostics: DiagnosticArray, counts: BusStatistics, health: 
     """
     bus, *pads = diagnostics.status
     worst = max((status.level for status in diagnostics.status), key=SEVERITY.index)
-    return SkinStatus(
-        header=diagnostics.header, level=_level(worst), message=bus.message, active=health.is_active,
-        lifecycle_state=lifecycle,
-        fault=health.fault.value, failure=failure_text(health.failure), bus_load=health.load,
-        error_passive=health.is_error_passive, tx_error_count=health.error_counters.tx,
-        rx_error_count=health.error_counters.rx, **counters.read_fields(counters.BUS_LOSSES, counts),
-        **counters.read_fields(counters.BUS_EVENTS, health), foreign_nmt_last=command_text(health.last_command),
-        sync_fault=health.sync.fault.value,
-        sync_period=math.nan if health.sync.period is None else health.sync.period,
-        overload=health.overload.value, outage_seconds=health.outages.seconds,
-        outage_last_reason=failure_text(health.outages.cause),
-        pads=[_pad(name, status, pad, nodes=health.nodes.get(name, ()), condition=conditions.get(name))
-              for status, (name, pad) in zip(pads, counts.pads.items())])
+    return _filled(SkinStatus, facts, header=diagnostics.header, level=_level(worst), message=bus.message,
+                   lifecycle_state=lifecycle,
+                   pads=[_pad(status, pad, conditions.get(pad.pad)) for status, pad in zip(pads, facts.pads)])
+
+
+def _filled(kind: Any, facts: BusFacts | PadFacts | NodeFacts, **others: Any) -> Any:
+    """Return a message whose fields are filled with the facts of the same name, except for the ``others``."""
+    for name, type_ in kind.get_fields_and_field_types().items():
+        if name not in others:
+            value = getattr(facts, name)
+            code = value.value if isinstance(value, Fault) else value
+            others[name] = str(value or '') if type_ == 'string' else code
+    return kind(**others)
 
 
 def _level(level: bytes) -> int:
@@ -76,28 +72,15 @@ def _level(level: bytes) -> int:
     return level[0] + 1
 
 
-def _pad(name: str, status: DiagnosticStatus, pad: PadStatistics, nodes: tuple[NodeHealth, ...],
-         condition: PadCondition | None) -> PadStatus:
-    return PadStatus(
-        pad=name, level=_level(status.level), message=status.message, nodes=[_node(name, node) for node in nodes],
-        **counters.read_fields(counters.PAD_COUNTERS, pad), loss_reasons=[reason.key for reason in pad.losses],
-        loss_codes=array('B', [reason.value for reason in pad.losses]), loss_counts=array('Q', pad.losses.values()),
-        faulty_taxels=_faulty(condition.faults) if condition else [],
-        unchanged=condition.unchanged if condition else math.nan,
-        zero_state=(condition.zero if condition else ZeroState.NOT_KNOWN).value)
+def _pad(status: DiagnosticStatus, pad: PadFacts, condition: PadCondition | None) -> PadStatus:
+    return _filled(PadStatus, pad, level=_level(status.level), message=status.message,
+                   nodes=[_filled(NodeStatus, node, nmt_state=NMT_NUMBERS.get(node.state, NodeStatus.NMT_UNDEFINED))
+                          for node in pad.nodes],
+                   faulty_taxels=_faulty(condition.faults) if condition else [],
+                   unchanged=condition.unchanged if condition else math.nan,
+                   zero_state=(condition.zero if condition else ZeroState.NOT_KNOWN).value)
 
 
 def _faulty(faults: FaultyTaxels) -> list[FaultyTaxel]:
     return [FaultyTaxel(row=row, col=col, code=kind.value, fault=kind.name.lower())
             for kind in TaxelFault if kind for row, col in faults.places(kind)]
-
-
-def _node(pad: str, node: NodeHealth) -> NodeStatus:
-    return NodeStatus(
-        node_id=node.node_id, nmt_state=NMT_NUMBERS.get(node.state, NodeStatus.NMT_UNDEFINED),
-        nmt_state_text=state_name(node.state), operational=node.is_operational, fault=node.fault.value,
-        fault_text=node_text(pad, node),
-        heartbeat_age=math.nan if node.heartbeat_age is None else node.heartbeat_age,
-        **counters.read_fields(counters.NODE_COUNTERS, node), emcy_last=str(node.last_emergency or ''),
-        emcy_active=str(node.active_emergency or ''), outage_seconds=node.outages.seconds,
-        outage_last_reason=failure_text(node.outages.cause))

@@ -4,8 +4,8 @@ import logging
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from tactile_node.assembly.fault_text import command_text, load_text, sync_text
-from tactile_node.assembly.frame_source import BusStatistics
+from tactile_node.assembly.facts import BusFacts
+from tactile_node.assembly.fault_text import load_text, sync_text
 from tactile_node.assembly.health import Overload, SyncFault, SyncState
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
@@ -203,14 +203,14 @@ class BusWatch:
         count, command = self._monitor.foreign_commands, self._monitor.last_command
         if count != self._commands_reported and self._command_throttle.is_due('NMT', now):
             self._commands_reported = count
-            logger.error('Another NMT master has sent a command: %s.', command_text(command), extra={'fact': command})
+            logger.error('Another NMT master has sent a command: %s.', command, extra={'fact': command})
 
-    def look_at_counts(self, now: float, is_active: bool, statistics: BusStatistics, syncs_sent: int) -> BusCounts:
+    def look_at_counts(self, now: float, is_active: bool, counts: BusFacts, syncs_sent: int) -> BusCounts:
         """Update the SYNC and overload states, log faults, and return the counts that the node monitors need."""
-        received = statistics.can_frames.get('sync', 0)
+        received = counts.can_frames.get('sync', 0)
         if self._needs_sync:
             self.sync.update(now, is_active, received)
-        sync, overload = self.sync.state, self.overload.update(now, statistics.queue_overruns)
+        sync, overload = self.sync.state, self.overload.update(now, counts.queue_overruns)
         if sync.fault.is_fault and self._sync_throttle.is_due(sync.fault.name, now):
             logger.error('%s.', sync_text(sync), extra={'fact': sync.fault})
         if overload.is_fault and self._overload_throttle.is_due(overload.name, now):

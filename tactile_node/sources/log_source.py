@@ -4,12 +4,14 @@ import itertools
 import logging
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import can
 
-from tactile_node.assembly.fault_text import failure_text, node_label, order_text
-from tactile_node.assembly.frame_source import BusStatistics, OnFrame
-from tactile_node.assembly.health import BusFault, BusHealth, Failure
+from tactile_node.assembly.facts import BusFacts
+from tactile_node.assembly.fault_text import node_label, order_text
+from tactile_node.assembly.frame_source import OnFrame
+from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router, non_data_kind
 from tactile_node.bus.threads import StoppableThread
 from tactile_node.cia301.objects import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE
@@ -140,13 +142,11 @@ class LogSource:
         """Set ``drop_incomplete``. The timeout is ignored, because the heartbeats in a log are not supervised."""
         self._router.drop_incomplete(drop_incomplete)
 
-    def statistics(self) -> BusStatistics:
-        return self._router.statistics()._replace(unread=self._unread + self.reader.unread, clock_jumps=self._jumps,
-                                                  stamps_ahead=self._ahead)
-
-    def health(self) -> BusHealth:
-        """Return the state of the log. A log has no nodes, so it can only fail as a whole."""
-        return BusHealth(self.failure, self._is_active)
+    def facts(self) -> BusFacts:
+        """Return the facts about the log. A log has no nodes, so it can only fail as a whole."""
+        return replace(self._router.facts(), failure=self.failure, active=self._is_active,
+                       unread_log_lines=self._unread + self.reader.unread, clock_jumps=self._jumps,
+                       stamps_ahead=self._ahead)
 
     def _all_messages(self) -> Iterator[can.Message]:
         shift = 0.0
@@ -202,9 +202,9 @@ class LogSource:
         except LogError as error:
             self._fail(BusFault.LOG_UNUSABLE, str(error))
         self._router.end()
-        for pad, statistics in self._router.statistics().pads.items():
-            for order in filter(None, statistics.orders):
-                logger.warning('%s, %s: %s.', self._path, node_label(pad, order.node_id), order_text(order),
+        for counted in self._router.facts().pads:
+            for order in filter(None, counted.orders):
+                logger.warning('%s, %s: %s.', self._path, node_label(counted.pad, order.node_id), order_text(order),
                                extra={'fact': order})
         for pad, strangers in self.heard.strangers().items():
             logger.warning('%s: pad %s sent no heartbeat, but node %s did and sends some of the same COB-IDs. '
@@ -236,7 +236,7 @@ class LogSource:
 
     def _fail(self, fault: BusFault, detail: str) -> None:
         self.failure = Failure(fault, detail)
-        logger.error('%s', failure_text(self.failure), extra={'fact': fault})
+        logger.error('%s', self.failure, extra={'fact': fault})
 
 
 def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
@@ -249,15 +249,16 @@ def _of_pads(pads: Sequence[PadSettings]) -> set[int]:
 UNREAD_EXIT = 3  #: exit code if the only problem is an unreadable part of the log
 
 
-def summary(statistics: BusStatistics) -> str:
+def summary(facts: BusFacts) -> str:
     """Return a table that counts the published taxel frames, and the used and the lost CAN frames."""
     lines = []
-    for name, pad in statistics.pads.items():
-        fates = {'used': pad.used} | {reason.key: count for reason, count in pad.losses.items() if count}
-        lines.append(f'{name}: {pad.published} taxel frames, {pad.complete} complete, {pad.incomplete} incomplete; '
-                     f'TPDOs: {pad.expected} expected, {pad.missing} brought no taxels; {pad.received} received: ' +
+    for pad in facts.pads:
+        fates = {'used': pad.tpdos_used} | {reason.key: count for reason, count in pad.losses.items() if count}
+        lines.append(f'{pad.pad}: {pad.published} taxel frames, {pad.frames_complete} complete, '
+                     f'{pad.frames_incomplete} incomplete; TPDOs: {pad.tpdos_expected} expected, '
+                     f'{pad.missing} brought no taxels; {pad.tpdos_received} received: ' +
                      ', '.join(f'{count} {fate}' for fate, count in fates.items()) +
-                     (f'; {pad.padded} padded' if pad.padded else ''))
-    services = ', '.join(f'{count} {service}' for service, count in sorted(statistics.can_frames.items()))
-    lines.append(f'CAN frames: {sum(statistics.can_frames.values())} ({services}); lines unread: {statistics.unread}')
+                     (f'; {pad.tpdos_padded} padded' if pad.tpdos_padded else ''))
+    services = ', '.join(f'{count} {service}' for service, count in sorted(facts.can_frames.items()))
+    lines.append(f'CAN frames: {sum(facts.can_frames.values())} ({services}); lines unread: {facts.unread_log_lines}')
     return '\n'.join(lines)

@@ -1,10 +1,11 @@
 """Observe one CANopen node through its messages. Times are from the monotonic clock [s]."""
 
 from collections.abc import Sequence
+from math import nan
 from typing import NamedTuple
 
-from tactile_node.assembly.frame_source import PadStatistics
-from tactile_node.assembly.health import NodeFault, NodeHealth
+from tactile_node.assembly.facts import NodeFacts, PadFacts
+from tactile_node.assembly.health import NodeFault
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.objects import NmtState
@@ -30,7 +31,7 @@ class NodeMonitor:
     """Observes one node of a pad: its configuration, heartbeats, TPDOs and errors.
 
     The monitor decides nothing; `step` decides on the result of `look`. Only one thread at a time may use the monitor,
-    but any thread may call ``health``.
+    but any thread may call ``facts``.
 
     Parameters
     ----------
@@ -134,7 +135,7 @@ class NodeMonitor:
         """Ignore data from the node until it has been configured, because its TPDOs may not match the layout."""
         self._configured = None
 
-    def commanded(self, now: float, pad: PadStatistics) -> None:
+    def commanded(self, now: float, pad: PadFacts) -> None:
         """Record that taxels are expected from now on, because the node was started or for another reason."""
         self._commanded = now
         self._data_at = now
@@ -142,7 +143,7 @@ class NodeMonitor:
         self.traffic.expect_tpdos(now)
         self._used_then = pad.used_by_node[self.node.position]
 
-    def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusCounts) -> NodeSeen:
+    def look(self, now: float, is_active: bool, pad: PadFacts, bus: BusCounts) -> NodeSeen:
         """Return the observations of the node.
 
         Parameters
@@ -178,15 +179,17 @@ class NodeMonitor:
             misses_sync=self.node.layout.needs_sync and now - self._sync_at > self._data_timeout,
             has_taxels_again=used > self._used_then, data_at=self._data_at, refuses_check=self.refuses_check)
 
-    def health(self, now: float, state: NodeState) -> NodeHealth:
+    def facts(self, now: float, state: NodeState) -> NodeFacts:
         """Return the observations of the node, together with the fault and the outages in ``state``."""
         heard, emergencies = self._heard.heard, self._monitor.emergencies[self.node.node_id]
-        return NodeHealth(
-            node_id=self.node.node_id, state=self._heard.state,
-            is_operational=self._heard.state == NmtState.OPERATIONAL and not self._is_silent(now),
-            heartbeat_age=None if heard is None else now - heard, fault=state.fault, boots=self.boots,
-            emergencies=emergencies.count, last_emergency=emergencies.last, outages=state.outages.until(now),
-            distrusted=self.distrusted, active_emergency=emergencies.active,
+        outages = state.outages.until(now)
+        return NodeFacts(
+            pad=self.node.pad, node_id=self.node.node_id, state=self._heard.state,
+            operational=self._heard.state == NmtState.OPERATIONAL and not self._is_silent(now),
+            heartbeat_age=nan if heard is None else now - heard, fault=state.fault, boots=self.boots,
+            emcy_count=emergencies.count, emcy_last=emergencies.last, emcy_active=emergencies.active,
+            outages=outages.count, outage_seconds=outages.seconds, outage_last_reason=outages.cause,
+            outage_present_reason=outages.current, frames_distrusted=self.distrusted,
             missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, tpdo_order=self.traffic.order,
             device_errors=self.device_errors)
 
@@ -209,7 +212,7 @@ class NodeMonitor:
         return [carrier for carrier in carriers
                 if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self._trusted_from]
 
-    def _look_at_traffic(self, now: float, is_active: bool, pad: PadStatistics, bus: BusCounts) -> None:
+    def _look_at_traffic(self, now: float, is_active: bool, pad: PadFacts, bus: BusCounts) -> None:
         were_two = self.traffic.are_two
         is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
             self.is_trusted or were_two)  # a restarted device may have another heartbeat time

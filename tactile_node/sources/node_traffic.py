@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 
-from tactile_node.assembly.frame_source import PadStatistics
+from tactile_node.assembly.facts import PadFacts
 from tactile_node.assembly.health import SentTpdo, TpdoOrder
 from tactile_node.cia301.heartbeat import HeardNode
 from tactile_node.skin.pads import CanopenNode
@@ -59,7 +59,7 @@ class NodeTraffic:
         """Record that TPDOs are expected from now on."""
         self._fresh_at = [now] * len(self._fresh_at)
 
-    def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusCounts, heartbeat_time: float | None,
+    def look(self, now: float, is_active: bool, pad: PadFacts, bus: BusCounts, heartbeat_time: float | None,
              delay: float) -> None:
         """Evaluate the counts so far.
 

@@ -3,9 +3,9 @@
 import logging
 import time
 
-from tactile_node.assembly.fault_text import emergency_text, failure_text, node_label, node_text, reaction_text
-from tactile_node.assembly.frame_source import PadStatistics
-from tactile_node.assembly.health import Failure, NodeFault, NodeHealth
+from tactile_node.assembly.facts import NodeFacts, PadFacts
+from tactile_node.assembly.fault_text import node_label, reaction_text
+from tactile_node.assembly.health import Failure, NodeFault
 from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import (
@@ -29,7 +29,7 @@ ANSWER_TIME = 0.3  #: time allowed for the first answer of a device during a rec
 class SupervisedNode:
     """One node with its observations (`NodeMonitor`) and its state (`NodeState`).
 
-    Only one thread at a time may use a node, but any thread may call ``health``.
+    Only one thread at a time may use a node, but any thread may call ``facts``.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ class SupervisedNode:
         self._fault_throttle = LogThrottle()
         self._retry_throttle = LogThrottle()
 
-    def health(self, now: float) -> NodeHealth:
-        return self.monitor.health(now, self._state)
+    def facts(self, now: float) -> NodeFacts:
+        return self.monitor.facts(now, self._state)
 
     def handle(self, event: NodeSeen | Failure | NodeEvent, now: float) -> None:
         """Update the state and the actions that are due. ``event`` occurred at ``now`` [s]."""
@@ -85,7 +85,7 @@ class SupervisedNode:
             return error
         return None
 
-    def look(self, now: float, is_active: bool, pad: PadStatistics, bus: BusCounts) -> bool:
+    def look(self, now: float, is_active: bool, pad: PadFacts, bus: BusCounts) -> bool:
         """Observe the node, log its faults and the ends of its outages, and return True if a recovery is due.
 
         Parameters
@@ -106,13 +106,13 @@ class SupervisedNode:
         if before.outages.current is not None and state.outages.current is None:
             logger.info('%s %s again after %.2f s. Cause of the outage: %s.',
                         node_label(self.pad, self.node_id), 'gives taxels' if is_active else 'is ready',
-                        state.outages.seconds - before.outages.seconds, failure_text(state.outages.cause))
+                        state.outages.seconds - before.outages.seconds, state.outages.cause)
         if state.retried is NodeFault.NONE:
             self.monitor.device_errors = None
             self._fault_throttle.reset()
         if state.fault in RECOVERY and self._fault_throttle.is_due(state.fault.name, now):
             reaction = f' {reaction_text(state.fault)}' if self._recover else ''
-            logger.error('%s%s', node_text(self.pad, self.health(now)), reaction, extra={'fact': state.fault})
+            logger.error('%s%s', self.facts(now).fault_text, reaction, extra={'fact': state.fault})
         return self._recover and bool(self._actions)
 
     def recover(self) -> None:
@@ -144,7 +144,7 @@ class SupervisedNode:
                 self._configure(ANSWER_TIME, pause=False)
             case Action.START:
                 self._bus.start_node(self.monitor.node, was_silent=not is_sending)
-                self.monitor.commanded(time.monotonic(), self._bus.statistics().pads[self.pad])
+                self.monitor.commanded(time.monotonic(), self._bus.facts().pad(self.pad))
             case Action.READ_ERRORS:
                 self._read_errors()
 
@@ -157,10 +157,10 @@ class SupervisedNode:
         before, errors = self.monitor.device_errors, self._bus.devices.read_errors(self.monitor.node)
         self.monitor.device_errors = errors
         if errors != before:
-            logger.error('%s', node_text(self.pad, self.health(time.monotonic())), extra={'fact': errors})
+            logger.error('%s', self.facts(time.monotonic()).fault_text, extra={'fact': errors})
 
     def _log_emergency(self, now: float) -> None:
-        health = self.health(now)
-        if health.emergencies != self._emergencies_reported and self._emergency_throttle.is_due('EMCY', now):
-            self._emergencies_reported = health.emergencies
-            logger.error('%s', emergency_text(self.pad, health), extra={'fact': health.last_emergency})
+        facts = self.facts(now)
+        if facts.emcy_count != self._emergencies_reported and self._emergency_throttle.is_due('EMCY', now):
+            self._emergencies_reported = facts.emcy_count
+            logger.error('%s', facts.emcy_text, extra={'fact': facts.emcy_last})

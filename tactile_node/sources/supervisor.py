@@ -11,11 +11,12 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import TypeVar
 
-from tactile_node.assembly.fault_text import failure_text
-from tactile_node.assembly.frame_source import BusStatistics, OnFrame
-from tactile_node.assembly.health import BusHealth, Failure, Outages
+from tactile_node.assembly.facts import BusFacts
+from tactile_node.assembly.frame_source import OnFrame
+from tactile_node.assembly.health import Failure, Outages
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.log_throttle import LogThrottle
@@ -120,7 +121,7 @@ class Supervisor:
     def start(self) -> None:
         with self._turn:
             if self._outages.current is not None:
-                raise BusError('CAN bus', expected='a working bus', got=failure_text(self.failure),
+                raise BusError('CAN bus', expected='a working bus', got=str(self.failure),
                                remedy='Wait until the driver has reopened the bus, then start again.')
             self._bus.start(without=[node.node_id for node in self._nodes if not node.monitor.is_trusted])
             self._set_active(True)
@@ -159,28 +160,28 @@ class Supervisor:
         for node in self._nodes:
             node.monitor.set_timeouts(*timeouts)
 
-    def statistics(self) -> BusStatistics:
-        return self._bus.statistics()
-
-    def health(self) -> BusHealth:
-        """Return the current state of the bus and its nodes."""
-        now, bus_monitor = time.monotonic(), self.monitor
-        return BusHealth(
-            failure=self.failure, is_active=self._is_active,
-            nodes={name: tuple(node.health(now) for node in nodes) for name, nodes in self._by_pad.items()},
-            outages=self._outages.until(now), load=self._watch.load,
-            is_error_passive=bus_monitor.is_error_passive, error_counters=bus_monitor.error_counters,
-            foreign_commands=bus_monitor.foreign_commands, last_command=bus_monitor.last_command,
-            sync=self._watch.sync.state, overload=self._watch.overload.kind, stalls=self._watch.overload.stalls)
+    def facts(self) -> BusFacts:
+        counted, now, monitor, watch = self._bus.facts(), time.monotonic(), self.monitor, self._watch
+        outages, sync = self._outages.until(now), watch.sync.state
+        return replace(
+            counted, failure=self.failure, active=self._is_active,
+            pads=tuple(replace(pad, nodes=tuple(node.facts(now) for node in self._by_pad[pad.pad]))
+                       for pad in counted.pads),
+            outages=outages.count, outage_seconds=outages.seconds, outage_last_reason=outages.cause,
+            bus_load=watch.load, error_passive=monitor.is_error_passive,
+            tx_error_count=monitor.error_counters.tx, rx_error_count=monitor.error_counters.rx,
+            foreign_nmt_commands=monitor.foreign_commands,
+            foreign_nmt_last=monitor.last_command, sync_fault=sync.fault, foreign_syncs=sync.foreign,
+            sync_period=sync.period, overload=watch.overload.kind, stalls=watch.overload.stalls)
 
     def _timeouts(self, heartbeat_timeout: float) -> tuple[float, float]:
         """Return the timeouts for heartbeats and for taxels [s]."""
         return heartbeat_timeout, max(heartbeat_timeout, 5 * self._settings.sync_period)
 
     def _set_active(self, is_active: bool) -> None:
-        now, pads = time.monotonic(), self.statistics().pads
+        now, counts = time.monotonic(), self._bus.facts()
         for node in self._nodes:
-            node.monitor.commanded(now, pads[node.pad])
+            node.monitor.commanded(now, counts.pad(node.pad))
             if not is_active:
                 node.handle(NodeEvent.STOPPED, now)
         self._is_active = is_active
@@ -211,12 +212,12 @@ class Supervisor:
                 self._attend_to_bus()
                 self._watch.overload.restart()
             if self._bus.failure is None:
-                begun, statistics, syncs = time.monotonic(), self.statistics(), self._bus.traffic.syncs_sent
+                begun, counts, syncs = time.monotonic(), self._bus.facts(), self._bus.traffic.syncs_sent
                 now = time.monotonic()  # a single reading, so that a backlog after a stall does not count as silence
                 self._watch.overload.woke(now, late + now - begun)
-                seen = self._watch.look_at_counts(now, self._is_active, statistics, syncs)
+                seen = self._watch.look_at_counts(now, self._is_active, counts, syncs)
                 due = [node for node in self._nodes
-                       if node.look(now, self._is_active, statistics.pads[node.pad], seen)]
+                       if node.look(now, self._is_active, counts.pad(node.pad), seen)]
                 if not due:
                     return now
                 _at_once(due, SupervisedNode.recover)
@@ -228,7 +229,7 @@ class Supervisor:
         """Log the failure once and wake the supervisor. Any thread may call this method."""
         if self._outages.current is None:
             logger.error('The CAN bus has failed: %s. The driver will reopen the bus until it works.',
-                         failure_text(failure), extra={'fact': failure.fault})
+                         failure, extra={'fact': failure.fault})
         self._wake.set()
 
     def _attend_to_bus(self) -> None:

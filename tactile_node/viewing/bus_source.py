@@ -16,7 +16,6 @@ from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.viewing.pad_recogniser import PadRecogniser
 from tactile_node.viewing.recordings import FACTS_PERIOD
 from tactile_node.viewing.source import Store, ViewSource
-from tactile_node.viewing.states import facts_of
 
 RECOGNITION_RATE = 16.0  #: rate at which shapes are recognised [1/s]; a viewer would not notice a higher rate
 REOPEN_PERIOD = 2.0  #: delay before the bus is reopened after an error [s]
@@ -78,7 +77,7 @@ class BusSource(ViewSource):
     def _refuse_other_master(self, bus: Supervisor) -> None:
         """Raise BusError if another master sends SYNC, because our SYNC and NMT commands would disturb that master."""
         time.sleep(LISTENING)
-        if bus.statistics().can_frames.get('sync', 0):
+        if bus.facts().can_frames.get('sync', 0):
             raise BusError(f'CAN bus {self.title}', expected='no other master, because this command starts the pads',
                            got='SYNC from another master',
                            remedy='To view the topics of that driver, leave out --interface.')
@@ -105,5 +104,5 @@ class BusSource(ViewSource):
                 self.store.put(recognisers[pad].state(frame, time.monotonic() - bus.age(frame.stamp)))
             if time.monotonic() - looked >= FACTS_PERIOD:
                 looked = time.monotonic()
-                self.store.put_bus(facts_of(bus.statistics(), bus.health()))
+                self.store.put_bus(bus.facts())
             stopping.wait(max(0.0, begun + 1 / RECOGNITION_RATE - time.monotonic()))

@@ -1,11 +1,11 @@
 """Table of the counts of a bus and its pads, with losses by reason, for the page of the view and for the report."""
 
 import math
-from collections import deque
+from collections.abc import Mapping
 
 from markupsafe import Markup
 
-from tactile_node.viewing.states import BusFacts, NodeFacts, PadCounts, PadFacts
+from tactile_node.assembly.facts import BUS_LOSSES, BusFacts, NodeFacts, PadFacts, losses_in, pad_counts
 from tactile_node.viewing.templates import shared
 
 #: name, text, and True if the row reports a problem
@@ -16,39 +16,6 @@ OLD_STATUS_AGE = 3.0  #: age above which a status is marked as old [s]; the driv
 RECENT_TIME = 60.0  #: age up to which losses are shown in red [s]
 
 
-class HealthHistory:
-    """History of a live bus over the last RECENT_TIME seconds, used to tell recent losses from earlier losses."""
-
-    def __init__(self) -> None:
-        self._facts: deque[tuple[float, int, BusFacts]] = deque()
-
-    def before(self, facts: BusFacts, stamp: float) -> tuple[BusFacts, float]:
-        """Add ``facts`` and return earlier facts for comparison.
-
-        Parameters
-        ----------
-        facts
-            Present facts.
-        stamp
-            Time at which ``facts`` were recorded [s].
-
-        Returns
-        -------
-        BusFacts
-            Facts from RECENT_TIME ago, or the oldest facts available.
-        float
-            Age of the returned facts at ``stamp`` [s].
-        """
-        expected = sum(pad.counts.expected for pad in facts.pads)
-        if self._facts and expected < self._facts[-1][1]:
-            self._facts.clear()  # the driver restarted, so its counters restarted at 0
-        if not self._facts or stamp > self._facts[-1][0]:  # the stamp stops advancing when the driver exits
-            self._facts.append((stamp, expected, facts))
-        while len(self._facts) > 1 and stamp - self._facts[1][0] >= RECENT_TIME:
-            self._facts.popleft()
-        return self._facts[0][2], stamp - self._facts[0][0]
-
-
 def counts_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFacts, float] | None = None) -> str:
     """Return the table as HTML.
 
@@ -57,51 +24,55 @@ def counts_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     Parameters
     ----------
     facts
-        Facts about the bus, or None if the source has none.
+        Facts about the bus or a SkinStatus message, or None if the source has none.
     age
         Age of the facts [s]. Facts older than OLD_STATUS_AGE are marked as old.
     before
-        Earlier facts from `HealthHistory`, and their age [s]. Losses counted after the earlier facts are shown in red.
+        Earlier facts from a `FactsHistory`, and their age [s]. Losses counted after the earlier facts are shown in red.
         If ``before`` is None, all losses are shown in red.
     """
     if facts is None:
         return '<div class="tactile-note">this source has no bus status</div>'
-    load = 'not known (log)' if math.isnan(facts.load) else f'{facts.load:.0%}'
-    if age > OLD_STATUS_AGE:  # the current state of the bus and its nodes is unknown
-        load = 'not known'
-        facts = facts._replace(failure=f'OLD: nothing newer for {age:.0f} s',
-                               pads=tuple(pad._replace(nodes=()) for pad in facts.pads))
-    faults = sum(bool(node.fault) for pad in facts.pads for node in pad.nodes)
-    bus = facts.failure or (f'nodes with a fault: {faults}' if faults else 'no failure')
+    is_old = age > OLD_STATUS_AGE  # then the current state of the bus and its nodes is unknown
+    faults = sum(bool(node.fault_text) for pad in facts.pads for node in pad.nodes)
+    if is_old:
+        bus, load = f'OLD: nothing newer for {age:.0f} s', 'not known'
+    else:
+        bus = str(facts.failure or (f'nodes with a fault: {faults}' if faults else 'no failure'))
+        load = 'not known (log)' if math.isnan(facts.bus_load) else f'{facts.bus_load:.0%}'
     rows = [('bus', bus, bus != 'no failure'), ('bus load', load, False)]
-    earlier, span = before or (BusFacts('', 0.0, {}, ()), None)
-    rows += [_counted(_words(name), str(count), count - earlier.counts.get(name, 0), span)
-             for name, count in facts.counts.items()]
-    before_by_pad = {pad.pad: pad.counts for pad in earlier.pads}
+    earlier, span = before or (BusFacts(), None)
+    rows += [_counted(_words(name), str(count), count - getattr(earlier, name), span)
+             for name in BUS_LOSSES if (count := getattr(facts, name))]
+    before_by_pad = {pad.pad: pad_counts(pad) for pad in earlier.pads}
     for pad in facts.pads:
-        recent = pad.counts.minus(before_by_pad.get(pad.pad, PadCounts()))
-        rows += [(Markup('<b>{}</b>').format(pad.pad), '', False), _frame_row(pad.counts, recent, span),
-                 *tpdo_rows(pad.counts, recent, span), *_fault_rows(pad)]
+        counts = recent = pad_counts(pad)
+        if pad.pad in before_by_pad:
+            recent = counts.copy()
+            recent.subtract(before_by_pad[pad.pad])
+        rows += [(Markup('<b>{}</b>').format(pad.pad), '', False), _frame_row(counts, recent, span),
+                 *tpdo_rows(counts, recent, span), *([] if is_old else _node_rows(pad)), *_taxel_rows(pad)]
     return str(shared().facts(rows))
 
 
-def tpdo_rows(counts: PadCounts, recent: PadCounts, span: float | None = None) -> list[Row]:
+def tpdo_rows(counts: Mapping[str, int], recent: Mapping[str, int], span: float | None = None) -> list[Row]:
     """Return the rows about the TPDOs of a pad: used, missing, and lost for each reason.
 
     Parameters
     ----------
     counts
-        Counters of the pad.
+        Counts of the pad from `pad_counts`.
     recent
-        Counters since the earlier facts with which the table is compared. Losses among them are shown in red.
+        Counts since the earlier facts with which the table is compared. Losses among them are shown in red.
     span
         Age of the earlier facts [s], or None if there are none.
     """
-    missing = counts.expected - counts.used
-    return [_counted('TPDOs', f'{counts.received} received, {counts.used} used of {counts.expected} expected, '
-                     f'{missing} missing', recent.expected - recent.used, span),
-            *(_counted(f'lost: {_words(reason)}', str(count), recent.losses.get(reason, 0), span)
-              for reason, count in counts.losses.items())]
+    expected, used = counts['tpdos_expected'], counts['tpdos_used']
+    lost_recently = losses_in(recent)
+    return [_counted('TPDOs', f'{counts["tpdos_received"]} received, {used} used of {expected} expected, '
+                     f'{expected - used} missing', recent['tpdos_expected'] - recent['tpdos_used'], span),
+            *(_counted(f'lost: {_words(reason)}', str(count), lost_recently.get(reason, 0), span)
+              for reason, count in losses_in(counts).items())]
 
 
 def _counted(name: str, text: str, recent: int, span: float | None) -> Row:
@@ -109,23 +80,28 @@ def _counted(name: str, text: str, recent: int, span: float | None) -> Row:
     return name, text if span is None else f'{text} ({recent} in {span:.0f} s)', recent > 0
 
 
-def _frame_row(counts: PadCounts, recent: PadCounts, span: float | None) -> Row:
-    return _counted('frames', f'{counts.frames_complete} complete, {counts.frames_incomplete} incomplete',
-                    recent.frames_incomplete, span)
+def _frame_row(counts: Mapping[str, int], recent: Mapping[str, int], span: float | None) -> Row:
+    return _counted('frames', f'{counts["frames_complete"]} complete, {counts["frames_incomplete"]} incomplete',
+                    recent['frames_incomplete'], span)
 
 
-def _fault_rows(pad: PadFacts) -> list[Row]:
-    rows = [(f'node {node.node_id}', _node(node), bool(node.fault)) for node in pad.nodes]
-    if pad.faulty_taxels:
-        listed = ', '.join(f'({row}, {col}) {fault}' for row, col, fault in pad.faulty_taxels[:MOST_FAULTY_TAXELS])
-        rows.append(('faulty taxels', f'{len(pad.faulty_taxels)}: {listed}', True))
-    return rows
+def _node_rows(pad: PadFacts) -> list[Row]:
+    return [(f'node {node.node_id}', _node(node), bool(node.fault_text)) for node in pad.nodes]
+
+
+def _taxel_rows(pad: PadFacts) -> list[Row]:
+    """Return the row about faulty taxels. Only a SkinStatus message lists them, because only the driver knows them."""
+    faulty = getattr(pad, 'faulty_taxels', ())
+    if not faulty:
+        return []
+    listed = ', '.join(f'({taxel.row}, {taxel.col}) {taxel.fault}' for taxel in faulty[:MOST_FAULTY_TAXELS])
+    return [('faulty taxels', f'{len(faulty)}: {listed}', True)]
 
 
 def _node(node: NodeFacts) -> str:
     """Return the state of a node as text. A fault text already includes the last NMT state and its time."""
     age = 'no heartbeat' if math.isnan(node.heartbeat_age) else f'heartbeat {node.heartbeat_age:.1f} s ago'
-    return '; '.join(filter(None, (node.fault or f'{node.nmt_state}; {age}', node.emergency)))
+    return '; '.join(filter(None, (node.fault_text or f'{node.nmt_state_text}; {age}', str(node.emcy_last or ''))))
 
 
 def _words(key: str) -> str:

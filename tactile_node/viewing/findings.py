@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.assembly.facts import losses_in
 from tactile_node.viewing.model import BusReport, NodeReport, PadReport, Report
 from tactile_node.viewing.taxel_record import FAULTS, marks_of
 
@@ -78,7 +79,7 @@ def _of_pad(pad: PadReport) -> Iterator[Found]:
     yield Found(Remark.WRONG_DEVICE, pad.name, pad.contradiction is not None)
     yield Found(Remark.STRANGERS, pad.name, len(pad.strangers))
     yield Found(Remark.NO_TAXELS, pad.name, not pad.are_of_others and (pad.frames == 0 or _is_empty(pad)))
-    yield Found(Remark.LOST_CAN_FRAMES, pad.name, 0 if pad.counts is None else sum(pad.counts.losses.values()))
+    yield Found(Remark.LOST_CAN_FRAMES, pad.name, 0 if pad.counts is None else sum(losses_in(pad.counts).values()))
     yield Found(Remark.LOST_FRAMES, pad.name, pad.lost_frames)
     yield Found(Remark.INCOMPLETE, pad.name, pad.incomplete)
     yield Found(Remark.TAXEL_GAPS, pad.name, pad.gaps.count)
@@ -89,7 +90,7 @@ def _of_pad(pad: PadReport) -> Iterator[Found]:
 
 def _is_empty(pad: PadReport) -> bool:
     """Return True if no TPDO was used. If no node responds to SYNC, the taxel frames contain only NaN."""
-    return pad.counts is not None and pad.counts.expected > 0 and not pad.counts.used
+    return pad.counts is not None and pad.counts['tpdos_expected'] > 0 and not pad.counts['tpdos_used']
 
 
 def _of_node(node: NodeReport) -> Iterator[Found]:

@@ -1,12 +1,13 @@
 """Make a report from a CAN log."""
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import can
 
+from tactile_node.assembly.facts import pad_counts
 from tactile_node.assembly.router import non_data_kind
 from tactile_node.errors import LogError
 from tactile_node.logs.logged_set_up import Contradiction, LoggedSetUp
@@ -20,7 +21,6 @@ from tactile_node.viewing.model import PadReport, Report
 from tactile_node.viewing.node_record import BusRecord, NodeRecords
 from tactile_node.viewing.pad_record import PadRecord
 from tactile_node.viewing.reported_file import Kind, ReportedFile, sha256_of
-from tactile_node.viewing.states import PadCounts, facts_of
 from tactile_node.viewing.touch import TouchList
 
 END_POLL = 0.1  #: polling period for the end of the log [s]
@@ -86,17 +86,16 @@ class LogReporter:
         source.close()
         if not is_done:
             raise KeyboardInterrupt
-        statistics = source.statistics()
-        if source.failure or statistics.consumer_errors:
+        facts = source.facts()
+        if source.failure or facts.consumer_errors:
             got = source.failure.detail.removesuffix('.') if source.failure else 'an error in a taxel frame'
             raise LogError(self._path, expected='a log that can be played to the end', got=got,
                            remedy='No report was written.')
         recording = ReportedFile.of(
-            self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=statistics.unread,
-            problem=source.reader.problem, damages=tuple(source.reader.damages), clock_jumps=statistics.clock_jumps)
-        counts = {pad.pad: pad.counts for pad in facts_of(statistics, source.health()).pads}
-        return Report(recording, tuple(self._pad(pad, counts[pad.name]) for pad in self._pads),
-                      self._nodes.reports(), self._bus.report(statistics.can_frames))
+            self._path, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=facts.unread_log_lines,
+            problem=source.reader.problem, damages=tuple(source.reader.damages), clock_jumps=facts.clock_jumps)
+        return Report(recording, tuple(self._pad(pad, pad_counts(facts.pad(pad.name))) for pad in self._pads),
+                      self._nodes.reports(), self._bus.report(facts.can_frames))
 
     def _frame(self, pad: str, frame: TaxelFrame) -> None:
         if pad not in self._contradictions:
@@ -111,7 +110,7 @@ class LogReporter:
             if found is not None:
                 self._contradictions.setdefault(found.pad, found)
 
-    def _pad(self, pad: PadSettings, counts: PadCounts) -> PadReport:
+    def _pad(self, pad: PadSettings, counts: Mapping[str, int]) -> PadReport:
         report = replace(
             self._records[pad.name].report(), node_ids=pad.node_ids, layout=Path(pad.layout.source).name,
             layout_sha256=sha256_of(config_path(pad.layout.source)), counts=counts,

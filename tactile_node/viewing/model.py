@@ -5,7 +5,7 @@ A field is None if the recording does not contain its value. Stamps are Unix tim
 
 import heapq
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
 
@@ -14,7 +14,6 @@ import numpy as np
 from tactile_node.cia301.objects import PRODUCER_HEARTBEAT_TIME, NmtState, state_name
 from tactile_node.logs.logged_set_up import Contradiction
 from tactile_node.viewing.reported_file import ReportedFile
-from tactile_node.viewing.states import PadCounts
 from tactile_node.viewing.taxel_record import TaxelHealth
 from tactile_node.viewing.touch import Sample, TouchList
 
@@ -95,7 +94,7 @@ class PadReport:
     node_ids: tuple[int, ...] = ()        #: node-IDs of the pad, or empty if the recording does not contain them
     layout: str | None = None             #: name of the layout
     layout_sha256: str | None = None
-    counts: PadCounts | None = None       #: counters within the recording
+    counts: Mapping[str, int] | None = None  #: `pad_counts` within the recording
     #: evidence that the log comes from another device; with such evidence, no taxels are reported
     contradiction: Contradiction | None = None
     #: other nodes that send the pad's COB-IDs, listed if the pad's own nodes were not heard
@@ -158,7 +157,7 @@ class BusReport:
 
     load: LoadCurve | None
     reported: Ends[ReportedEvent] | None = None  #: status changes reported by the driver
-    can_frames: dict[str, int] | None = None   #: number of CAN frames by CANopen service, read-only
+    can_frames: Mapping[str, int] | None = None  #: number of CAN frames by CANopen service
     gaps: LongestGaps | None = None         #: gaps without any CAN frame
     commands: Ends[ReportedEvent] | None = None
     channels: tuple[str, ...] = ()          #: names of the buses in the log, or topics with CAN frames

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 import can
 import numpy as np
 
-from tactile_node.assembly.fault_text import command_text
 from tactile_node.assembly.health import ForeignCommand
 from tactile_node.cia301.emergency import decode_emergency
 from tactile_node.cia301.frame_bits import load_bits
@@ -71,9 +70,9 @@ class BusRecord:
         self._bits[int((stamp - self.begin) // LOAD_WINDOW)] += load_bits(message.dlc, message.is_extended_id,
                                                                           message.is_remote_frame)
         if message.arbitration_id == NMT and not message.is_extended_id and len(message.data) == NMT_BYTES:
-            self._commands.add(ReportedEvent(stamp, command_text(ForeignCommand(*message.data))))
+            self._commands.add(ReportedEvent(stamp, str(ForeignCommand(*message.data))))
 
-    def report(self, can_frames: dict[str, int] | None) -> BusReport:
+    def report(self, can_frames: Mapping[str, int] | None) -> BusReport:
         return BusReport(self._load(), None, can_frames, self._gaps, self._commands,
                          tuple(sorted(self._channels)))
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tactile_node.assembly.facts_history import FactsHistory
 from tactile_node.threads import ReportedThread
 from tactile_node.viewing.chart import POINT_COLOURS, Series, chart
-from tactile_node.viewing.counts_table import HealthHistory, counts_table
+from tactile_node.viewing.counts_table import RECENT_TIME, counts_table
 from tactile_node.viewing.drawn_pad import DrawnPad, Scales
 from tactile_node.viewing.page_parts import PageFacts, macros, pads_html, status_html
 from tactile_node.viewing.planes import Planes
@@ -94,7 +95,7 @@ class Page:
         self._is_taken = threading.Event()
         self._receipt_time = 0.0  # time of the last receipt [s]
         self._slow_due = 0.0
-        self._history = HealthHistory()
+        self._history = FactsHistory(RECENT_TIME)
         self._planes: Planes | None = None
 
     def start(self) -> None:

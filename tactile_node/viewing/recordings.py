@@ -1,15 +1,16 @@
 """Recordings that a view can play: a bag of published taxel arrays, or a CAN log, assembled as in the driver."""
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
-from tactile_node.assembly.fault_text import failure_text
+from tactile_node.assembly.facts import BusFacts
 from tactile_node.errors import ConfigurationError
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.topic_bag import STATUS, TAXELS, TopicBagReader, frame_of, pad_of
 from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
-from tactile_node.viewing.states import facts_of, facts_of_status
 from tactile_node.viewing.timeline import Timeline
 
 
@@ -51,7 +52,7 @@ class BagRecording:
             if is_stopping():
                 return ''
             if message.type == STATUS:
-                timeline.add_facts(message.stamp, facts_of_status(message.content))
+                timeline.add_facts(message.stamp, message.content)
                 continue
             if pad_of(message.topic) not in self.pads:
                 continue
@@ -106,7 +107,7 @@ class LogRecording:
             nonlocal looked
             if not 0 <= stamp - looked < FACTS_PERIOD:
                 looked = stamp
-                timeline.add_facts(stamp, facts_of(source.statistics(), source.health(), load_is_known=False))
+                timeline.add_facts(stamp, _shown(source.facts()))
 
         source = self._source(on_frame, on_time)
         source.open()
@@ -114,12 +115,20 @@ class LogRecording:
         while not source.finished.wait(READ_POLL) and not is_stopping():
             pass
         source.close()
-        timeline.add_facts(looked, facts_of(source.statistics(), source.health(), load_is_known=False))
-        return failure_text(source.failure) or _of_others(source) or _without_taxels(timeline) or _unread(source)
+        timeline.add_facts(looked, _shown(source.facts()))
+        if source.failure is not None:
+            return str(source.failure)
+        return _of_others(source) or _without_taxels(timeline) or _unread(source)
 
     def _source(self, on_frame: Callable[[str, TaxelFrame], None], on_time: Callable[[float], None]) -> LogSource:
         return LogSource(self._path, self._settings, on_frame, pace=None, channel=self._channel, on_time=on_time,
                          any_device=self._any_device, window=self._window, eds=self._eds)
+
+
+def _shown(facts: BusFacts) -> BusFacts:
+    """Return the facts about a log without the unknown bus load, and without the many counts that no view shows."""
+    return replace(facts, bus_load=math.nan,
+                   pads=tuple(replace(pad, distinct_by_tpdo=(), fresh_by_tpdo=()) for pad in facts.pads))
 
 
 def _of_others(source: LogSource) -> str:
@@ -129,7 +138,7 @@ def _of_others(source: LogSource) -> str:
 
 
 def _unread(source: LogSource) -> str:
-    unread, last = source.statistics().unread, source.reader.problem
+    unread, last = source.facts().unread_log_lines, source.reader.problem
     return f'not shown: {unread} lines or parts that could not be read (last: {last})' if unread else ''
 
 

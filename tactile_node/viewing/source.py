@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tactile_node.assembly.fault_text import failure_of, failure_text
-from tactile_node.viewing.states import BusFacts, GraspFacts, PadState
+from tactile_node.assembly.facts import BusFacts
+from tactile_node.assembly.fault_text import failure_of
+from tactile_node.viewing.states import GraspFacts, PadState
 
 if TYPE_CHECKING:
     from tactile_node.viewing.recording_source import RecordingSource
@@ -23,7 +24,7 @@ class ViewState(NamedTuple):
 
     version: int                     #: version number that increases with every change
     pads: Mapping[str, PadState | None]  #: state by pad name, None before the pad's first frame
-    bus: BusFacts | None = None
+    bus: BusFacts | None = None      #: facts about the bus, or a SkinStatus message, which has the same names
     bus_acquired: float = 0.0        #: time of the bus facts, by time.monotonic [s]
     grasp: GraspFacts | None = None  #: latest grasp, or None if none was received
     problem: str = ''                #: reason why the source delivers no data, or '' while it works
@@ -63,7 +64,7 @@ class Store:
 
     def put_error(self, error: Exception) -> None:
         """Store ``error``, which stopped the source, as the problem to show."""
-        self.put_problem(failure_text(failure_of(error)))
+        self.put_problem(str(failure_of(error)))
 
     def forget(self, pad: str) -> None:
         """Forget the state of ``pad``, as if no frame had been received."""

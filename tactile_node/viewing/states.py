@@ -1,16 +1,11 @@
-"""State of a pad and its bus at one moment, in a form common to all sources."""
+"""State of a pad and of the grasp at one moment, in a form common to all sources."""
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.assembly import counters
-from tactile_node.assembly.fault_text import failure_text, node_text
-from tactile_node.assembly.frame_source import BusStatistics, PadStatistics
-from tactile_node.assembly.health import BusHealth, NodeHealth
-from tactile_node.cia301.objects import state_name
 from tactile_node.pose.events import EventKind, Moving
 from tactile_node.taxel_frame import TaxelStatus
 
@@ -91,101 +86,3 @@ class GraspFacts(NamedTuple):
     is_fresh: bool   #: True if the results of both pads are recent
     is_stable: bool
     acquired: float      #: acquisition time of the older pad's data by time.monotonic [s], or -inf if unknown
-
-
-class NodeFacts(NamedTuple):
-    """A CANopen node of a pad."""
-
-    node_id: int
-    nmt_state: str
-    heartbeat_age: float  #: age of the last heartbeat [s], or NaN if none was received
-    fault: str            #: fault of the node as text, or '' if there is none
-    emergency: str        #: last EMCY as text, or '' if there is none
-
-
-class PadCounts(NamedTuple):
-    """Counters of a pad, since the source was opened or within a recording."""
-
-    frames_complete: int = 0
-    frames_incomplete: int = 0
-    expected: int = 0   #: number of expected TPDOs
-    received: int = 0   #: number of received TPDOs
-    used: int = 0       #: number of used TPDOs
-    losses: Mapping[str, int] = {}  #: number of lost TPDOs by reason, omitting reasons without losses
-
-    def plus(self, other: 'PadCounts', factor: int = 1) -> 'PadCounts':
-        """Return the sum of these counters and ``factor`` times the ``other`` counters."""
-        counts = (mine + factor * theirs for mine, theirs in zip(self[:-1], other[:-1]))
-        losses = {reason: self.losses.get(reason, 0) + factor * other.losses.get(reason, 0)
-                  for reason in (*self.losses, *other.losses)}
-        return PadCounts._make((*counts, _some(losses)))
-
-    def minus(self, other: 'PadCounts') -> 'PadCounts':
-        """Return the difference between these and the ``other`` counters."""
-        return self.plus(other, -1)
-
-    @property
-    def is_possible(self) -> bool:
-        """True if no counter is negative, as in a difference across a restart of the driver."""
-        return min(*self[:-1], *self.losses.values()) >= 0
-
-
-class PadFacts(NamedTuple):
-    """Counters and faults of a pad since the source was opened."""
-
-    pad: str
-    counts: PadCounts
-    nodes: tuple[NodeFacts, ...] = ()
-    faulty_taxels: tuple[tuple[int, int, str], ...] = ()  #: row, column and fault of each faulty taxel
-
-
-class BusFacts(NamedTuple):
-    """State of a bus and its pads."""
-
-    failure: str                #: failure of the bus as text, or '' while the bus works
-    load: float                 #: fraction of time for which the bus is busy, or NaN if unknown, as for a log
-    counts: Mapping[str, int]   #: number of losses on the bus itself by name, omitting names without losses
-    pads: tuple[PadFacts, ...]
-
-
-def facts_of(statistics: BusStatistics, health: BusHealth, load_is_known: bool = True) -> BusFacts:
-    """Return the facts of a live bus or a log. The bus load of a log is not known."""
-    counts = counters.read_counters(counters.BUS_LOSSES, statistics)
-    return BusFacts(failure_text(health.failure), health.load if load_is_known else math.nan, _some(counts),
-                    tuple(_pad(name, pad, health.nodes.get(name, ())) for name, pad in statistics.pads.items()))
-
-
-def facts_of_status(message: Any) -> BusFacts:
-    """Return the facts in a SkinStatus, from a topic or a bag."""
-    counts = {loss.name: int(getattr(message, loss.name)) for loss in counters.BUS_LOSSES if loss.is_field}
-    return BusFacts(message.failure, float(message.bus_load), _some(counts), tuple(map(_pad_of_status, message.pads)))
-
-
-def counts_of_status(pad: Any) -> PadCounts:
-    """Return the counters in a PadStatus, from a topic or a bag."""
-    losses = {reason: int(count) for reason, count in zip(pad.loss_reasons, pad.loss_counts)}
-    return PadCounts(int(pad.frames_complete), int(pad.frames_incomplete), int(pad.tpdos_expected),
-                     int(pad.tpdos_received), int(pad.tpdos_used), _some(losses))
-
-
-def _some(counts: dict[str, int]) -> dict[str, int]:
-    return {name: count for name, count in counts.items() if count}
-
-
-def _pad(name: str, pad: PadStatistics, nodes: tuple[NodeHealth, ...]) -> PadFacts:
-    losses = {reason.key: count for reason, count in pad.losses.items()}
-    counts = PadCounts(pad.complete, pad.incomplete, pad.expected, pad.received, pad.used, _some(losses))
-    return PadFacts(name, counts, tuple(_node(name, node) for node in nodes))
-
-
-def _node(pad: str, node: NodeHealth) -> NodeFacts:
-    return NodeFacts(node.node_id, state_name(node.state),
-                     math.nan if node.heartbeat_age is None else node.heartbeat_age,
-                     node_text(pad, node), str(node.last_emergency or ''))
-
-
-def _pad_of_status(pad: Any) -> PadFacts:
-    nodes = tuple(NodeFacts(node.node_id, node.nmt_state_text, float(node.heartbeat_age), node.fault_text,
-                            node.emcy_last) for node in pad.nodes)
-    faulty = tuple((int(taxel.row), int(taxel.col), taxel.fault) for taxel in pad.faulty_taxels)
-    return PadFacts(pad.pad, counts_of_status(pad), nodes, faulty)

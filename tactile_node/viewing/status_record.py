@@ -4,14 +4,15 @@ The driver's counters start when the driver is configured. The report covers onl
 first message are subtracted.
 """
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
 
+from tactile_node.assembly.facts import pad_counts
 from tactile_node.cia301.objects import NmtState
 from tactile_node.taxel_frame import read_only
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NodeReport, ReportedEvent
-from tactile_node.viewing.states import PadCounts, counts_of_status
 
 OK_LEVEL = 1                            #: level OK of SkinStatus and PadStatus, where NOT_KNOWN is 0
 NMT_NOT_KNOWN = 0                       #: value of NodeStatus.nmt_state
@@ -27,8 +28,8 @@ class StatusRecord:
         self._reported: Ends[ReportedEvent] = Ends()
         self._loads: list[tuple[float, float]] = []
         self._nodes: dict[int, _ReportedNode] = {}
-        self._last: dict[str, PadCounts] = {}  # counters of each pad in its last message
-        self._within: dict[str, PadCounts] = {}  # counters of each pad within the recording
+        self._last: dict[str, Counter[str]] = {}  # counters of each pad in its last message
+        self._within: dict[str, Counter[str]] = {}  # counters of each pad within the recording
 
     def feed(self, stamp: float, status: Any) -> None:
         """Process a SkinStatus."""
@@ -36,7 +37,7 @@ class StatusRecord:
         self._report(stamp, 'bus', status.level - OK_LEVEL, status.failure or status.message)
         for pad in status.pads:
             self._report(stamp, f'pad {pad.pad}', pad.level - OK_LEVEL, pad.message)
-            self._count(pad.pad, counts_of_status(pad))
+            self._count(pad.pad, pad_counts(pad))
             for node in pad.nodes:
                 self._nodes.setdefault(node.node_id, _ReportedNode(node.node_id, pad.pad)).feed(stamp, node)
                 self._report(stamp, f'node {node.node_id}', int(bool(node.fault_text)), node.fault_text)
@@ -49,7 +50,7 @@ class StatusRecord:
         load = LoadCurve(STATUS_PERIOD, read_only(stamps), None, read_only(shares), float(shares.mean()))
         return BusReport(load, self._reported)
 
-    def counts(self, pad: str) -> PadCounts | None:
+    def counts(self, pad: str) -> Counter[str] | None:
         """Return the counters within the recording, or None without messages. ``pad`` may include a namespace."""
         return self._within.get(pad.rpartition('/')[2])
 
@@ -57,11 +58,13 @@ class StatusRecord:
         """Return the nodes of the pads, or None if no SkinStatus names a node."""
         return tuple(node.report for _, node in sorted(self._nodes.items())) or None
 
-    def _count(self, pad: str, counts: PadCounts) -> None:
-        new = counts.minus(self._last.get(pad, counts))
-        if not new.is_possible:  # counters decrease only when the driver restarts, which sets them to 0
+    def _count(self, pad: str, counts: Counter[str]) -> None:
+        new = counts.copy()
+        new.subtract(self._last.get(pad, counts))
+        if min(new.values()) < 0:  # counters decrease only when the driver restarts, which sets them to 0
             new = counts
-        self._last[pad], self._within[pad] = counts, self._within.get(pad, PadCounts()).plus(new)
+        self._last[pad] = counts
+        self._within.setdefault(pad, Counter()).update(new)
 
     def _report(self, stamp: float, where: str, level: int, message: str) -> None:
         before, now = self._levels.get(where, (0, '')), (level, message)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.assembly.facts import BusFacts
 from tactile_node.taxel_frame import TaxelFrame, read_only
-from tactile_node.viewing.states import BusFacts
 
 
 class _Track:
@@ -71,6 +71,7 @@ class Timeline:
         return True
 
     def add_facts(self, stamp: float, facts: BusFacts) -> None:
+        """Add facts about the bus, or a SkinStatus message."""
         self._facts.append(facts)
         self._fact_times.append(max(stamp, self._fact_times[-1]) if self._fact_times else stamp)
 
