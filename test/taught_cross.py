@@ -16,6 +16,7 @@ from tactile_node.shape.recogniser import ShapeRecogniser, read_arrays
 from training.ground_truth.seeds import Purpose, generator
 
 PAD, FINE = 16, 6
+TAUGHT = 2  # number of the touches in the file
 LOADS = 0, 0.3, 1, 1, 1, 1, 0.2, 0
 
 
@@ -64,7 +65,7 @@ def examples(number, pressed=cross, count=15):
 
 
 def write_taught_cross(path: Path) -> None:
-    base, own = config_path('recogniser.npz'), examples(0)
+    base, own = config_path('recogniser.npz'), examples(TAUGHT)
     taught = teach(ShapeRecogniser.from_file(base), third_of_background(), [own])
     assert taught.held_out.is_good
     with path.open('wb') as stream:

@@ -110,10 +110,10 @@ def test_pieces_that_are_joined_are_one_contact_in_mask_labels_and_counts():
 
 def test_a_recognition_reports_whether_it_is_of_joined_pieces(recogniser):
     frame = np.zeros((14, 20), bool)
-    frame[2:10, 2:5] = frame[2:10, 7:10] = True
+    frame[2:10, 2:5] = frame[2:10, 6:9] = True
     assert recogniser.recognise(pattern_of(frame)).joined
-    assert not recogniser.recognise(pattern_of(frame[:, :6])).joined
-    frame[2, 5:7] = True
+    assert not recogniser.recognise(pattern_of(frame[:, :5])).joined
+    frame[2, 5] = True
     assert not recogniser.recognise(pattern_of(frame)).joined, 'a contact in one piece is not joined'
 
 

@@ -6,7 +6,18 @@ from queue import SimpleQueue
 
 import numpy as np
 import pytest
-from taught_cross import LOADS, PAD, cross, disc, examples, held, rng_of, third_of_background, write_taught_cross
+from taught_cross import (
+    LOADS,
+    PAD,
+    TAUGHT,
+    cross,
+    disc,
+    examples,
+    held,
+    rng_of,
+    third_of_background,
+    write_taught_cross,
+)
 
 from tactile_node import Recogniser, find_contact, fit_shape
 from tactile_node.bus.skin_bus import SkinBus
@@ -175,7 +186,7 @@ def test_shapes_without_their_examples_are_not_lost_in_silence_when_more_are_tau
 
 
 def test_the_examples_of_a_file_are_those_that_were_taught(arrays):
-    own, (kept,) = examples(0), examples_in(arrays, 'graded', 1)
+    own, (kept,) = examples(TAUGHT), examples_in(arrays, 'graded', 1)
     assert (kept.touch == own.touch).all() and (kept.is_recorded == own.is_recorded).all()
     assert all(np.abs(a.level - b.level).max() < 0.004 for a, b in zip(kept.patches, own.patches))
 
