@@ -14,12 +14,12 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.parameter import Parameter
 from ros_bench import TimedBench
 
-from tactile_node.nodes.duplicate_watch import HOLD_TIME
-from tactile_node.nodes.gripper_node import GripperNode
-from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface
+from tactile_node.gripper.duplicate_watch import HOLD_TIME
+from tactile_node.gripper.gripper_node import GripperNode
+from tactile_node.gripper.messages import Command, GripperState, gripper_interface
+from tactile_node.gripper.touch_client import TouchClient
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.time_messages import time_message
-from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import ContactShape, Grasp, GripperOutcome
 
 STEP = 0.01  #: Period of the motor [s].
@@ -254,7 +254,7 @@ def started_node(*parameters, words=(), ros=(), log=None):
     """
     given = [word for each in ('max_age:=5.0', 'fast_speed:=0.002', 'slow_speed:=0.002', *parameters)
              for word in ('-p', each)]
-    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', *words, '--ros-args', *given,
+    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.gripper.gripper_node', *words, '--ros-args', *given,
                                 *ros], env=environment_with('control_msgs'), stderr=log)
     try:
         yield process

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from gripper_bench import Motor
 
-from tactile_node.grasp.closing import Outcome
+from tactile_node.gripper.rules.closing import Outcome
 
 FORCE = 5.0  #: Requested force of a goal [N].
 LATE = 0.8  #: Delay that is longer than the answer_timeout [s].

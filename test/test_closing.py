@@ -8,7 +8,8 @@ import math
 import pytest
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.closing import (
+from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.closing import (
     BLIND_TIME,
     NO_TOUCH,
     REST_CHANGE,
@@ -25,7 +26,6 @@ from tactile_node.grasp.closing import (
     Widening,
     make_goal,
 )
-from tactile_node.grasp.tracker import GraspContact
 
 PERIOD = 0.02  # Time between two frames [s].
 LATENCY = 0.04  # Delay until the control sees a frame [s].

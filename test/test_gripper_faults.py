@@ -7,7 +7,7 @@ use all combinations. Without TACTILE_LONG, each fault is tested once, and each 
 import pytest
 from gripper_faults import FAULTS, FORCE, GOALS, MOST, happens, recover
 
-from tactile_node.grasp.closing import Outcome, TouchLimits
+from tactile_node.gripper.rules.closing import Outcome, TouchLimits
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 

@@ -12,9 +12,9 @@ from action_msgs.msg import GoalStatus
 from gripper_bench import PERIOD, STEP
 from test_gripper_node import KINDS, MAX_AGE, NOT_SEEN, SILENT, SLOW_RISE, hide, set_, unseen
 
-from tactile_node.grasp.closing import Outcome, TouchLimits
-from tactile_node.grasp.holding import BLIND_TIME, HoldLimits
-from tactile_node.nodes.gripper_node import LOOK_PERIOD
+from tactile_node.gripper.gripper_node import LOOK_PERIOD
+from tactile_node.gripper.rules.closing import Outcome, TouchLimits
+from tactile_node.gripper.rules.holding import BLIND_TIME, HoldLimits
 from tactile_skin.msg import ContactMotion
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]

@@ -16,10 +16,10 @@ from gripper_bench import PERIOD, STEP, THRESHOLD
 from rclpy.action import CancelResponse
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.closing import REST_TIME, SLOWNESS, START_TIME, Outcome, TouchLimits
-from tactile_node.nodes.duplicate_watch import LISTEN_TIME
-from tactile_node.nodes.gripper_node import LOOK_PERIOD
-from tactile_node.ros.gripper_messages import Command
+from tactile_node.gripper.duplicate_watch import LISTEN_TIME
+from tactile_node.gripper.gripper_node import LOOK_PERIOD
+from tactile_node.gripper.messages import Command
+from tactile_node.gripper.rules.closing import REST_TIME, SLOWNESS, START_TIME, Outcome, TouchLimits
 from tactile_skin.msg import Grasp, GripperOutcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.closing import NO_TOUCH, ForceReading, Outcome, TouchLimits, TouchReading, make_goal
-from tactile_node.grasp.holding import BLIND_TIME, SLIDE_PAUSE, SWAY_TIME, Holding, HoldLimits
 from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.closing import NO_TOUCH, ForceReading, Outcome, TouchLimits, TouchReading, make_goal
+from tactile_node.gripper.rules.holding import BLIND_TIME, SLIDE_PAUSE, SWAY_TIME, Holding, HoldLimits
 
 FORCE = 5.0          # N
 PERIOD = 0.02        # s

@@ -2,8 +2,8 @@
 
 import math
 
+from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.ros import settings
-from tactile_node.ros.gripper_settings import GripperSettings
 from tactile_node.ros.parameters import NodeSettings, Parameter, table
 
 from . import markdown as md

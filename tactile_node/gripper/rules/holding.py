@@ -16,8 +16,8 @@ import math
 from dataclasses import dataclass
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.closing import LOST_AFTER, Goal, Outcome, TouchLimits, TouchReading
 from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.closing import LOST_AFTER, Goal, Outcome, TouchLimits, TouchReading
 
 NOISE_CERTAINTY = 4.0  #: Largest error of a reading [standard deviations].
 BLIND_TIME = 1.0       #: Time without a known force after which the hold ends [s].

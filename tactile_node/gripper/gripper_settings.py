@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import TypeVar
 
-from tactile_node.grasp.closing import TouchLimits
-from tactile_node.grasp.holding import HoldLimits
 from tactile_node.grasp.opening import HIGHEST_GAP
+from tactile_node.gripper.rules.closing import TouchLimits
+from tactile_node.gripper.rules.holding import HoldLimits
 from tactile_node.ros.settings import ReceiverSettings, parameter
 
 LIMITS, HOLD = TouchLimits(), HoldLimits()

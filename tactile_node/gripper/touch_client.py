@@ -13,7 +13,7 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from unique_identifier_msgs.msg import UUID
 
-from tactile_node.ros.gripper_messages import PARALLEL, Command, GripperState, gripper_interface
+from tactile_node.gripper.messages import PARALLEL, Command, GripperState, gripper_interface
 from tactile_skin.msg import GripperOutcome
 
 OUTCOME_WAIT = 1.0  #: time after the result for which the client waits for the outcome before it counts as lost [s]

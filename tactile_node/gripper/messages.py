@@ -7,8 +7,8 @@ import math
 from typing import Any, NamedTuple
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.closing import ForceReading, TouchReading
 from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.closing import ForceReading, TouchReading
 from tactile_skin.msg import Grasp
 
 INTERFACES = PARALLEL, SINGLE = 'ParallelGripperCommand', 'GripperCommand'

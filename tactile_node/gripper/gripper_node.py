@@ -19,7 +19,14 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.closing import (
+from tactile_node.grasp.opening import HIGHEST_GAP, GapSource, LinearGap
+from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.duplicate_watch import DuplicateWatch, duplicate_text
+from tactile_node.gripper.gripper_client import SILENCES, GripperClient, GripperResult
+from tactile_node.gripper.gripper_settings import GripperSettings, limits_of
+from tactile_node.gripper.health import gripper_status, unseen_text
+from tactile_node.gripper.messages import GripperState, gripper_interface, touch_of
+from tactile_node.gripper.rules.closing import (
     BEYOND,
     NO_TOUCH,
     SUCCESSES,
@@ -33,20 +40,13 @@ from tactile_node.grasp.closing import (
     check_number,
     make_goal,
 )
-from tactile_node.grasp.holding import Holding, HoldLimits
-from tactile_node.grasp.opening import HIGHEST_GAP, GapSource, LinearGap
-from tactile_node.grasp.tracker import GraspContact
-from tactile_node.nodes.duplicate_watch import DuplicateWatch, duplicate_text
+from tactile_node.gripper.rules.holding import Holding, HoldLimits
 from tactile_node.nodes.grasp_requests import allow_feedback
-from tactile_node.nodes.gripper_client import SILENCES, GripperClient, GripperResult
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.message_guard import publisher_names
 from tactile_node.nodes.node_health import MessageHealth, publish_status
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_checks import check_grasp
-from tactile_node.ros.gripper_health import gripper_status, unseen_text
-from tactile_node.ros.gripper_messages import GripperState, gripper_interface, touch_of
-from tactile_node.ros.gripper_settings import GripperSettings, limits_of
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.rosout_handler import of_node

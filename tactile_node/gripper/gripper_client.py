@@ -18,9 +18,9 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from unique_identifier_msgs.msg import UUID
 
-from tactile_node.grasp.closing import Outcome
 from tactile_node.grasp.opening import LinearGap
-from tactile_node.ros.gripper_messages import Command, GripperInterface, GripperState
+from tactile_node.gripper.messages import Command, GripperInterface, GripperState
+from tactile_node.gripper.rules.closing import Outcome
 
 SILENCES = Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT  #: Outcomes of a command that got no response.
 CANCEL_PERIOD = 0.2  #: Time after which an unanswered cancel request is sent again [s].
