@@ -5,7 +5,7 @@ The function `happens` runs one of these faults.
 
 from typing import NamedTuple
 
-from gripper_bench import Motor
+from gripper_bench import ServedMotor
 
 from tactile_node.gripper.rules.closing import Outcome
 
@@ -102,7 +102,7 @@ def _break(bench, fault):
     elif fault == 'refuses cancels':
         motor.stays = True
     else:
-        bench.twin = Motor(bench, bench.interface)
+        bench.twin = ServedMotor(bench, bench.interface)
         bench.twin.move_to(motor.opening)
         bench.on_step = lambda step=bench.on_step: (step(), bench.twin.step())
         bench.until_served(2)

@@ -27,7 +27,7 @@ ALLOWED = {
     'nodes': {'assembly', 'bus', 'logs', 'ros', 'skin', 'sources', 'viewing', *NUMERICAL},
     'gripper': {'grasp', 'nodes', 'ros'}}
 #: Modules that the rules of the gripper controller may import from this package.
-OF_RULES = ('tactile_node.gripper.rules.', 'tactile_node.grasp.', 'tactile_node.errors')
+OF_RULES = ('tactile_node.gripper.rules.', 'tactile_node.grasp.', 'tactile_node.errors', 'tactile_node.parameter')
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'unique_identifier_msgs',
        'launch', 'launch_ros'}

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from action_msgs.msg import GoalStatus
 from built_messages import environment_with
-from gripper_bench import START
+from virtual_gripper import START
 
 from tactile_node.gripper.rules.closing import Outcome
 

@@ -14,8 +14,9 @@ import pytest
 from action_msgs.msg import GoalStatus
 from built_messages import environment_with
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from gripper_bench import PERIOD, Client, GripperBench, started_node
+from gripper_bench import Client, GripperBench, started_node
 from rclpy.parameter import Parameter
+from virtual_gripper import PERIOD
 
 from tactile_node.gripper import duplicate_watch
 from tactile_node.gripper.duplicate_watch import HEARTBEAT_PERIOD, HOLD_TIME, LISTEN_TIME

@@ -7,12 +7,13 @@ use all combinations. Without TACTILE_LONG, each fault is tested once, and each 
 import pytest
 from gripper_faults import FAULTS, FORCE, GOALS, MOST, happens, recover
 
-from tactile_node.gripper.rules.closing import Outcome, TouchLimits
+from tactile_node.gripper.rules.closing import Outcome
+from tactile_node.gripper.rules.touch_settings import TouchSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
 #: Largest overshoot above a goal's force before a gripper that still answers has stopped [N].
-OVERSHOOT = TouchLimits().overshoot(TouchLimits().fast_speed)
+OVERSHOOT = TouchSettings().overshoot(TouchSettings().fast_speed)
 IN_DOUBT = ('accepts and hangs', 'dies, new server', 'stopped, then woken')
 
 

@@ -4,7 +4,8 @@ import math
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from gripper_bench import PERIOD, GripperBench
+from gripper_bench import GripperBench
+from virtual_gripper import PERIOD
 
 from tactile_node.gripper.health import gripper_status
 from tactile_node.gripper.rules.closing import Outcome
