@@ -46,15 +46,35 @@ class Action:
         self._unread.popleft()()
         return True
 
-    def die(self):
-        """End the server for ever."""
-        self.is_there = False
+    def forget(self):
+        """Forget all goals and requests."""
+        self.known.clear()
         self._unread.clear()
 
+
+class ActionMotor(Motor):
+    """A motor behind an `Action`, with the faults of its server."""
+
+    def __init__(self, bench, action):
+        super().__init__(lambda: bench.now)
+        self._action = action
+
+    def fall_silent(self, goes_on=False):
+        self.is_silent, self.goes_on = True, goes_on
+
+    def wake(self):
+        """Respond to all requests that arrived while the server was silent."""
+        self.is_silent = False
+
     def restart(self):
-        """Replace the server with a server that knows no goal."""
-        self._bench.motor._goal = None
-        self.known.clear()
+        """Replace the server with a server that knows no goal. The hardware continues the last command."""
+        self._action.forget()
+        self.is_silent, self._goal = False, None
+
+    def die(self):
+        """End the server for ever."""
+        self._action.forget()
+        self._action.is_there = False
 
 
 class SentToMotor:
@@ -163,9 +183,9 @@ class ControlBench:
     def __init__(self, commands_speed=True, pads=(), **settings):
         self.now, self._steps = 1000.0, 0
         self._messages = deque()
-        self.motor = Motor(lambda: self.now)
-        self.action, self.duplicates, self.ends = Action(self), Alone(), []
-        self.control = TouchControl(replace(TouchSettings(), **settings), self.action, self.duplicates, self._on_end,
+        self._action, self.duplicates, self.ends = Action(self), Alone(), []
+        self.motor = ActionMotor(self, self._action)
+        self.control = TouchControl(replace(TouchSettings(), **settings), self._action, self.duplicates, self._on_end,
                                     why_unseen=lambda: 'unseen', commands_speed=commands_speed,
                                     steady=lambda: self.now)
         self.pads = SensedPads(self, self.motor, **dict(pads))
@@ -189,7 +209,7 @@ class ControlBench:
             self.control.commands.repeat_cancels()
         self.motor.step()
         self.pads.step()
-        while self._messages or self.action.work():
+        while self._messages or self._action.work():
             if self._messages:
                 self._messages.popleft()()
 

@@ -163,9 +163,10 @@ def test_pads_that_already_press_with_more_than_the_goal_end_it_and_nothing_is_s
 
 def test_a_late_command_is_followed_by_a_goal_to_hold_if_a_cancel_does_not_stop():
     bench = ControlBench(stop_by='goal')
-    bench.motor.coasts = bench.motor.is_silent = True
+    bench.motor.coasts = True
+    bench.motor.fall_silent()
     assert bench.outcome() is Outcome.GRIPPER_SILENT
-    bench.motor.is_silent = False
+    bench.motor.wake()
     bench.until(lambda: bench.motor.directions[-1:] == ['hold'])
     held_at = bench.motor.opening
     bench.wait(1.0)
@@ -220,8 +221,8 @@ def test_a_refused_goal_changes_nothing(bad):
 
 @pytest.mark.parametrize(('fault', 'expected'), [
     (lambda bench: setattr(bench.motor, 'rejects', True), Outcome.GRIPPER_REFUSED),
-    (lambda bench: bench.action.die(), Outcome.NO_GRIPPER),
-    (lambda bench: setattr(bench.motor, 'is_silent', True), Outcome.GRIPPER_SILENT)],
+    (lambda bench: bench.motor.die(), Outcome.NO_GRIPPER),
+    (lambda bench: bench.motor.fall_silent(), Outcome.GRIPPER_SILENT)],
     ids=['rejects', 'dead', 'silent'])
 def test_a_gripper_that_does_not_accept_the_command(fault, expected):
     bench = ControlBench()
@@ -364,7 +365,7 @@ def test_a_gripper_that_never_ends_a_command_closes_only_after_a_restart_where_i
         assert ending.outcome is Outcome.NOT_STOPPED and not bench.motor.commands
         assert 'refuses to cancel' in ending.text and 'restart' in ending.text
     assert bench.outcome(opening=LIMITS.widest) is Outcome.REACHED
-    bench.action.restart()
+    bench.motor.restart()
     bench.motor.stays = bench.motor.never_ends = False
     assert bench.outcome() is Outcome.TOUCHED
 
@@ -435,7 +436,7 @@ def test_a_cancel_that_is_not_confirmed_is_not_reported_as_done():
     bench = ControlBench(answer_timeout=0.2)
     sent = bench.send()
     bench.wait(0.2)
-    bench.motor.is_silent = True
+    bench.motor.fall_silent()
     sent.cancel()
     ending = bench.result(sent)
     assert (ending.succeeds, ending.outcome) == (False, Outcome.NOT_STOPPED)

@@ -189,9 +189,9 @@ def test_opening_always_ends_the_hold(change):
 
 
 @pytest.mark.parametrize(('fault', 'expected'), [
-    (lambda bench: bench.action.die(), Outcome.NO_GRIPPER),
+    (lambda bench: bench.motor.die(), Outcome.NO_GRIPPER),
     (lambda bench: setattr(bench.motor, 'rejects', True), Outcome.GRIPPER_REFUSED),
-    (lambda bench: setattr(bench.motor, 'is_silent', True), Outcome.GRIPPER_SILENT),
+    (lambda bench: bench.motor.fall_silent(), Outcome.GRIPPER_SILENT),
     (lambda bench: setattr(bench.motor, 'blocked_at', bench.motor.opening), Outcome.STALLED)],
     ids=['dead', 'rejects', 'silent', 'stalls'])
 def test_a_gripper_that_does_not_carry_out_the_correction_ends_the_hold(fault, expected):
