@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from tactile_node.errors import RefusedGoalError
 from tactile_node.grasp.opening import HIGHEST_GAP
@@ -35,14 +35,6 @@ TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REFUSED, Outcome.RE
 IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
 NOT_ENDING = ('the gripper refuses to cancel an earlier command, and no measurement shows it at rest: provide its '
               'measured opening, or restart its driver')
-
-
-class GoalHandle(Protocol):
-    """A goal of a client."""
-
-    @property
-    def is_cancel_requested(self) -> bool:
-        """True if the client has cancelled the goal."""
 
 
 class Duplicates(Protocol):
@@ -85,7 +77,7 @@ class Ending(NamedTuple):
 class _Run:
     """A goal that is being carried out, or the hold that follows a goal."""
 
-    handle: GoalHandle
+    handle: Any  #: the client's goal, with the property ``is_cancel_requested``
     wish: Wish
 
     #: task of the goal; `Holding` after the result of the goal was sent, None for a refused goal
@@ -152,7 +144,7 @@ class TouchControl:
     """
 
     def __init__(self, settings: TouchSettings, action: GripperAction, duplicates: Duplicates,
-                 on_end: Callable[[GoalHandle, Ending], None], *, why_unseen: Callable[[], str],
+                 on_end: Callable[[Any, Ending], None], *, why_unseen: Callable[[], str],
                  commands_speed: bool, steady: Callable[[], float]):
         self._settings, self._duplicates, self._steady = settings, duplicates, steady
         self._on_end, self._why_unseen, self._commands_speed = on_end, why_unseen, commands_speed
@@ -171,7 +163,7 @@ class TouchControl:
         return 'none' if self._run is None else 'hold' if self._run.is_hold else 'goal'
 
     @property
-    def goal_handle(self) -> GoalHandle | None:
+    def goal_handle(self) -> Any:
         """Handle of the goal that is being carried out, or None."""
         run = self._run
         return run.handle if run is not None and run.outcome is None and not run.is_hold else None
@@ -196,7 +188,7 @@ class TouchControl:
         """Store an opening ``gap`` [m] that was measured at the time ``measured`` [s]."""
         self._gap, self._gap_measured = gap, measured
 
-    def accept(self, handle: GoalHandle, wish: Wish) -> None:
+    def accept(self, handle: Any, wish: Wish) -> None:
         """Carry out a goal, or refuse it."""
         run = _Run(handle, wish)
         self._decide(run)
@@ -209,7 +201,7 @@ class TouchControl:
         self._run = run
         self.look()
 
-    def refuse(self, handle: GoalHandle, reason: str) -> None:
+    def refuse(self, handle: Any, reason: str) -> None:
         """Refuse a goal that cannot be read."""
         self._finish(_Run(handle, Wish(math.nan), outcome=Outcome.REFUSED, reason=reason))
 
