@@ -88,9 +88,9 @@ class GripperNode(Node):
         publish_status(self, self._status)
         # The timers use the steady clock, because with use_sim_time and no /clock, the node could not stop a closing
         # gripper.
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(CANCEL_PERIOD, self._control.commands.repeat_cancels, clock=clock)
-        self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=clock)
+        self.create_timer(CANCEL_PERIOD, self._control.commands.repeat_cancels,
+                          clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
         server = ActionServer(
             self, self._interface.action, '~/gripper_cmd', execute_callback=lambda handle: None,
