@@ -35,8 +35,8 @@ from bench_launch import (
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 from built_messages import BUILT, built_messages, environment_with  # noqa: E402
 
-from tactile_node.grasp.closing import Outcome  # noqa: E402
-from tactile_node.ros.touch_client import TouchClient  # noqa: E402
+from tactile_node.gripper.rules.closing import Outcome  # noqa: E402
+from tactile_node.gripper.touch_client import TouchClient  # noqa: E402
 from tactile_skin.msg import Grasp  # noqa: E402
 
 GRIPPER = Path(__file__).resolve().parents[1] / 'test' / 'gripper_process.py'
@@ -87,7 +87,7 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
             subprocess.Popen([sys.executable, *process], env=environment, stdout=subprocess.DEVNULL,
                              stderr=subprocess.DEVNULL, start_new_session=True)
             for process in ([str(GRIPPER), 'works'],
-                            ['-m', 'tactile_node.nodes.gripper_node', '--ros-args', *given])]
+                            ['-m', 'tactile_node.gripper.gripper_node', '--ros-args', *given])]
         stack.callback(ended, gripper)
         rclpy.init()
         stack.callback(rclpy.try_shutdown)

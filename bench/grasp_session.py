@@ -27,11 +27,11 @@ from rclpy.qos import qos_profile_sensor_data
 from examples.simulated_gripper.gripper_server import ACTION
 from examples.simulated_gripper.session import JOINT, NODE_IDS, Bench
 from examples.simulated_gripper.world import AXES, SIDES, Place, World
-from tactile_node.grasp.closing import Outcome as Ending
+from tactile_node.gripper.rules.closing import Outcome as Ending
+from tactile_node.gripper.touch_client import TouchClient
 from tactile_node.nodes.spinner import spinning
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge
-from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import Grasp, GripperOutcome
 
 #: Parameters of the gripper node. Each finger has a stiffness of 2000 N/m (drive.STIFFNESS) and moves by half the
@@ -127,7 +127,7 @@ class Session(ExitStack):
         self._start(Path(sys.prefix, 'bin/tactile'), 'bringup', '--interface', 'slcan', '--channel', self._link,
                     '--pads', ','.join(SIDES), '--node-id', ','.join(map(str, NODE_IDS)),
                     '--gap-source', 'joint_states', '--gap-joints', JOINT)
-        self._start(sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--ros-args', *(
+        self._start(sys.executable, '-m', 'tactile_node.gripper.gripper_node', '--ros-args', *(
             word for name, value in self._parameters.items() for word in ('-p', f'{name}:={value}')))
         self.until(lambda: self._node.gripper.server_is_ready() and self._node.touch.is_ready)
         self.until_open()

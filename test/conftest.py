@@ -71,7 +71,7 @@ WALL_TIME = {
     'test_bringup.py': 50, 'test_can_commands.py': 15, 'test_documented_commands.py': 15, 'test_driver_recovery.py': 25,
     'test_faults.py': 60, 'test_finalized.py': 10, 'test_grasp_node.py': 15, 'test_grasp_requests.py': 15,
     'test_gripper_crash.py': 45, 'test_gripper_duplicates.py': 20, 'test_gripper_faults.py': 15,
-    'test_gripper_hold.py': 15, 'test_gripper_node.py': 35, 'test_one_process.py': 25, 'test_link.py': 45,
+    'test_gripper_node.py': 20, 'test_one_process.py': 25, 'test_link.py': 45,
     'test_malformed_messages.py': 25, 'test_misled.py': 25, 'test_planner_loop.py': 15, 'test_scan.py': 20,
     'test_skin_bus.py': 15, 'test_stages.py': 10, 'test_tutorial.py': 25}
 OTHER_WALL_TIME = 3

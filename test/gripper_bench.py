@@ -13,48 +13,58 @@ from built_messages import environment_with
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.parameter import Parameter
 from ros_bench import TimedBench
+from virtual_gripper import AGE, PERIOD, START, STEP, THRESHOLD, Motor, Pads
 
-from tactile_node.nodes.duplicate_watch import HOLD_TIME
-from tactile_node.nodes.gripper_node import GripperNode
-from tactile_node.ros.gripper_messages import Command, GripperState, gripper_interface
+from tactile_node.gripper.duplicate_watch import HOLD_TIME
+from tactile_node.gripper.gripper_node import GripperNode
+from tactile_node.gripper.messages import GripperState, gripper_interface
+from tactile_node.gripper.touch_client import TouchClient
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.time_messages import time_message
-from tactile_node.ros.touch_client import TouchClient
 from tactile_skin.msg import ContactShape, Grasp, GripperOutcome
 
-STEP = 0.01  #: Period of the motor [s].
-STEPS = 2  #: Number of motor periods per frame period.
-PERIOD = STEPS * STEP  #: Period of the frames [s].
-THRESHOLD = 0.05  #: Force above which a pad counts as touched [N].
-AGE = 0.015  #: Age of a grasp when it is sent [s].
-START = 0.06  #: Opening of the gripper at the start [m].
 ANSWER_TIME = 2.0  #: Time after which an unanswered goal to another process is sent again [s].
 
 
-class Motor:
-    """The action server of the gripper's controller.
+class ServedGoal:
+    """A goal of the gripper's own action, as its motor sees it."""
 
-    The motor moves to its goal, keeps its position after a cancel, and accepts a new goal early.
-    """
+    def __init__(self, motor, handle):
+        values = motor.interface.values(handle.request)
+        self._motor, self._handle = motor, handle
+        self.position, self.effort = values.position, values.effort
+        self.opening = motor.offset + motor.scale * values.position
+        self.speed = abs(motor.scale) * values.speed
+
+    @property
+    def is_cancel_requested(self):
+        return self._handle.is_cancel_requested
+
+    def publish(self, opening):
+        self._handle.publish_feedback(self._fill('Feedback'))
+
+    def end(self, status, **flags):
+        result = self._motor.interface.action.Result() if self._motor.is_terse else self._fill('Result', **flags)
+
+        def execute(_):
+            getattr(self._handle, status)()
+            return result
+        self._handle.execute(execute)
+
+    def _fill(self, kind, **flags):
+        motor = self._motor
+        state = GripperState((motor.opening - motor.offset) / motor.scale, 1.0, **flags)
+        return motor.interface.fill(getattr(motor.interface.action, kind)(), state)
+
+
+class ServedMotor(Motor):
+    """A motor with the action server of the gripper's controller."""
 
     def __init__(self, bench, interface, scale=1.0, offset=0.0):
+        super().__init__(bench.steady)
         self._bench = bench
         self.interface, self.scale, self.offset = interface, scale, offset
-        self.opening, self.slowness = START, 1.0
-        self.rejects = False  #: True if the motor rejects goals
-        self.cancels = False  #: True if a client has cancelled a command
-        self.stays = False  #: True if the motor refuses to cancel a goal
-        self.never_ends = False  #: True if a replaced command never gets a result
         self.is_terse = False  #: True if the results of the motor have empty fields
-        self.is_silent = False  #: True if the server does not respond
-        self.goes_on = False  #: True if the hardware continues the last command while the server is silent
-        self.is_hasty = False  #: True if the motor reports success at once, before it has reached its goal
-        self.coasts = False  #: True if the motor continues to its goal after a cancel
-        self.most_goals = 1000
-        self.commands: list[Command] = []
-        self.directions: list[str] = []  #: directions of the accepted commands
-        self.default_speed, self.blocked_at, self.moved_at = 0.02, -1.0, -math.inf
-        self._target, self._speed = self.opening, 0.0
         self._servers = []
         self.start()
 
@@ -68,20 +78,15 @@ class Motor:
         self._bench.stack.callback(self.kill)  # the servers use the node, so they must be destroyed first
         self.server = ActionServer(
             self.node, self.interface.action, '/gripper_controller/gripper_cmd', execute_callback=lambda handle: None,
-            goal_callback=lambda goal: GoalResponse.REJECT if self.rejects or len(self.commands) >= self.most_goals
-            else GoalResponse.ACCEPT,
+            goal_callback=lambda goal: GoalResponse.ACCEPT if self.is_accepting else GoalResponse.REJECT,
             cancel_callback=lambda handle: CancelResponse.REJECT if self.stays else CancelResponse.ACCEPT,
-            handle_accepted_callback=self._accept)
+            handle_accepted_callback=lambda handle: self.accept(ServedGoal(self, handle)))
         self._servers.append(self.server)
 
     def restart(self):
         """Start a second server for the motor's action, and wait until the gripper node sees it."""
         self.start()
         self._bench.until_served(len(self._servers))
-
-    def move_to(self, opening):
-        """Set the opening to ``opening`` [m] immediately."""
-        self.opening = self._target = opening
 
     def fall_silent(self, goes_on=False):
         self._bench.executor.remove_node(self.node)
@@ -95,103 +100,25 @@ class Motor:
     def die(self):
         """Destroy the motor's action server, and wait until the gripper node has noticed."""
         self.kill()
-        self._bench.until_joined(lambda: not self._bench.node._client._client.server_is_ready())
+        self._bench.until_joined(lambda: not self._bench.node._client.is_there)
 
     def kill(self):
         while self._servers:
             self._servers.pop().destroy()
 
-    def _accept(self, handle):
-        if self._goal is not None and not self.never_ends:
-            self._end(self._goal.abort)
-        command = self.interface.command(handle.request)
-        self.commands.append(command)
-        way = self.offset + self.scale * command.position - self.opening
-        self.directions.append('hold' if abs(way) < 1e-3 else 'open' if way > 0 else 'close')
-        self._goal = handle
-        self._target = self.offset + self.scale * command.position
-        self._speed = abs(self.scale) * command.speed or self.default_speed
-        if self.is_hasty:
-            self._end(handle.succeed, reached_goal=True)
 
-    def step(self):
-        if self.is_silent:
-            if self.goes_on:
-                self._move()
-            return
-        if self._goal is not None and self._goal.is_cancel_requested:
-            self.cancels = True
-            if not self.coasts:
-                self._target = self.opening
-            self._end(self._goal.canceled)
-        target = self._move()
-        if self._goal is None:
-            return
-        if self.opening == self._target:
-            self._end(self._goal.succeed, reached_goal=True)
-        elif self.opening == target:
-            self._end(self._goal.abort, stalled=True)
-        else:
-            self._goal.publish_feedback(self.interface.fill(self.interface.action.Feedback(), self._state()))
+class PublishedPads(Pads):
+    """Pads whose grasp is published. ``change`` modifies the message."""
 
-    def _move(self):
-        travel = self._speed * STEP / self.slowness
-        target = max(self._target, self.blocked_at)
-        before = self.opening
-        self.opening += max(-travel, min(travel, target - self.opening))
-        if self.opening != before:
-            self.moved_at = self._bench.steady()
-        return target
-
-    def _state(self, **flags):
-        return GripperState((self.opening - self.offset) / self.scale, 1.0, **flags)
-
-    def _end(self, end, **flags):
-        handle, self._goal, state = self._goal, None, self._state(**flags)
-
-        def execute(_):
-            end()
-            result = self.interface.action.Result()
-            return result if self.is_terse else self.interface.fill(result, state)
-        handle.execute(execute)
-
-    @property
-    def moves(self):
-        return self._goal is not None
-
-
-class Pads:
-    """Publishes the grasp of an object of ``width`` [m] as the pads measure it.
-
-    ``change`` modifies the message before it is published.
-    """
-
-    def __init__(self, bench, motor, width=0.04, off=0.0, stiffness=1000.0):
-        self._bench, self._motor = bench, motor
-        self._steps = 0
-        self.steps = STEPS  #: Number of periods of the motor in a period of the frames.
-        self.width, self.off, self.stiffness = width, off, stiffness
-        self.change = lambda message: message
-        self.is_silent, self.knows_gap = False, True
-        self.strongest, self.touched_at = 0.0, None
+    def __init__(self, bench, motor, **options):
+        super().__init__(motor, **options)
+        self._bench = bench
         self._publisher = bench.add('pads').create_publisher(Grasp, '/grasp', 10)
 
-    def forces(self):
-        closed = self.width - self._motor.opening
-        return [max(0.0, self.stiffness * (closed + side * 2 * self.off)) for side in (-1, 1)]
-
-    def step(self):
-        self.strongest = max(self.strongest, *self.forces())
-        self._steps += 1
-        if self._steps % self.steps == 0 and not self.is_silent:
-            self._publish()
-
-    def _publish(self):
+    def send(self):
         forces, nan = self.forces(), math.nan
         states = [Grasp.SIDE_TOUCHED if force > THRESHOLD else Grasp.SIDE_EMPTY for force in forces]
         contact = Grasp.NO_CONTACT + states.count(Grasp.SIDE_TOUCHED)
-        if contact > Grasp.NO_CONTACT and self.touched_at is None:
-            self.touched_at = self._bench.steady()
         nowhere = dict.fromkeys(('creep', 'width', 'offset', 'misalignment', 'centre_sd', 'yaw', 'yaw_sd', 'grip_force',
                                  'grip_force_sd', 'force_imbalance'), nan)
         message = Grasp(contact=contact, side_states=states, fresh=True, forces=forces, shape=ContactShape.UNKNOWN,
@@ -254,7 +181,7 @@ def started_node(*parameters, words=(), ros=(), log=None):
     """
     given = [word for each in ('max_age:=5.0', 'fast_speed:=0.002', 'slow_speed:=0.002', *parameters)
              for word in ('-p', each)]
-    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.nodes.gripper_node', *words, '--ros-args', *given,
+    process = subprocess.Popen([sys.executable, '-m', 'tactile_node.gripper.gripper_node', *words, '--ros-args', *given,
                                 *ros], env=environment_with('control_msgs'), stderr=log)
     try:
         yield process
@@ -274,8 +201,8 @@ class GripperBench(TimedBench):
                  has_node=True):
         super().__init__(stack, STEP, is_real_time=pads is None or not has_node)
         self.interface = gripper_interface(kind, '')
-        self.motor = Motor(self, self.interface, scale, offset)
-        self.pads = None if pads is None else Pads(self, self.motor, **dict(pads))
+        self.motor = ServedMotor(self, self.interface, scale, offset)
+        self.pads = None if pads is None else PublishedPads(self, self.motor, **dict(pads))
         self.client = Client(self, self.interface)
         if not has_node:
             return
@@ -327,7 +254,7 @@ class GripperBench(TimedBench):
 
     def until_seen(self):
         """Wait until the gripper node has estimated the age of the pads' frames and uses them."""
-        self.until(self.node._is_current)
+        self.until(lambda: self.node._control.is_current)
 
     def open(self):
         """Open the gripper from any state, and clear the list of commands."""

@@ -1,13 +1,11 @@
-"""Faults of a gripper's action server during goals of the gripper node, in virtual time.
+"""Faults of a gripper's action server during goals, in virtual time, with or without ROS.
 
-The function `happens` runs one of these faults.
+The function `happens` runs one of these faults on a bench, which is a ControlBench or has the same methods.
 """
 
 from typing import NamedTuple
 
-from gripper_bench import Motor
-
-from tactile_node.grasp.closing import Outcome
+from tactile_node.gripper.rules.closing import Outcome
 
 FORCE = 5.0  #: Requested force of a goal [N].
 LATE = 0.8  #: Delay that is longer than the answer_timeout [s].
@@ -42,12 +40,12 @@ def happens(bench, fault, goal):
         motor.move_to(0.03)
         bench.wait(0.2)
     if goal == 'preempt':
-        bench.client.send(position=0.0)
+        bench.send()
         bench.wait(0.3)
     if goal == 'hold':
         motor.move_to(bench.pads.width + 0.001)
         bench.wait(0.2)
-        assert bench.close(position=0.0, effort=FORCE)[2].outcome == Outcome.FORCE_REACHED
+        assert bench.outcome(force=FORCE) == Outcome.FORCE_REACHED
         bench.wait(0.2)
     motor.directions.clear()
     motor.cancels = False
@@ -58,31 +56,31 @@ def happens(bench, fault, goal):
         bench.pads.width -= 0.0015
         motor.blocked_at -= 0.0015
     else:
-        handle = bench.client.send(position={'partly': PARTLY, 'widest': WIDEST}.get(goal, 0.0),
-                                   effort=FORCE if goal in ('force', 'preempt') else 0.0)
+        handle = bench.send({'partly': PARTLY, 'widest': WIDEST}.get(goal, 0.0),
+                            force=FORCE if goal in ('force', 'preempt') else 0.0)
     if fault not in BEFORE and goal != 'preempt':
         bench.until(lambda: motor.directions)
         _break(bench, fault)
     if fault == 'answers late':
         bench.wait(LATE)
         motor.wake()
-    outcome = _outcome(bench, handle)
-    text = outcome.message if outcome else ''
+    ending = _ending(bench, handle)
     if fault == 'stopped, then woken':
         motor.wake()
     bench.wait(0.7)
     before = motor.opening
     bench.wait(0.3)
-    return Happened(Outcome(outcome.outcome) if outcome else None, 'may still be moving' in text,
-                    ' '.join(motor.directions), motor.cancels, motor.opening != before, bench.pads.strongest)
+    outcome, text = (ending.outcome, ending.text) if ending else (None, '')
+    return Happened(outcome, 'may still be moving' in text, ' '.join(motor.directions), motor.cancels,
+                    motor.opening != before, bench.pads.strongest)
 
 
-def _outcome(bench, handle):
-    """Return the outcome of a goal or of its hold, or None while the hold continues."""
+def _ending(bench, handle):
+    """Return how a goal or its hold ended, or None while the hold continues."""
     if handle is not None:
-        return bench.client.result(handle)[2]
+        return bench.result(handle)
     bench.wait(4.0)
-    ends = [each for each in bench.client.outcomes if each.of_hold]
+    ends = [each for each in bench.ends if each.is_hold]
     return ends[0] if ends else None
 
 
@@ -102,10 +100,7 @@ def _break(bench, fault):
     elif fault == 'refuses cancels':
         motor.stays = True
     else:
-        bench.twin = Motor(bench, bench.interface)
-        bench.twin.move_to(motor.opening)
-        bench.on_step = lambda step=bench.on_step: (step(), bench.twin.step())
-        bench.until_served(2)
+        bench.add_twin()
 
 
 def recover(bench, fault):
@@ -115,6 +110,6 @@ def recover(bench, fault):
         motor.restart()
     motor.rejects = motor.stays = motor.is_hasty = False
     motor.blocked_at = -1.0
-    opened = bench.close(position=WIDEST)[2]
+    opened = bench.outcome(opening=WIDEST)
     bench.pads.width = 0.04
-    return Outcome(opened.outcome), Outcome(bench.close(position=0.0)[2].outcome)
+    return opened, bench.outcome()

@@ -20,7 +20,7 @@ import numpy as np
 import rclpy
 import yaml
 from built_messages import BUILT, built_messages
-from gripper_bench import START, GripperBench
+from gripper_bench import GripperBench
 from misled_bench import (
     PERIOD,
     QOS,
@@ -37,6 +37,7 @@ from misled_bench import (
 )
 from misled_skin import NODE_IDS, PADS, gripper_pads
 from sensor_msgs.msg import JointState
+from virtual_gripper import START
 
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode

@@ -24,7 +24,10 @@ ALLOWED = {
     'viewing': {'assembly', 'bus', 'cia301', 'conditioning', 'contact', 'helmholtz', 'library', 'logs', 'pose', 'shape',
                 'skin', 'sources'},
     'ros': {'assembly', 'bus', 'cia301', 'skin', *NUMERICAL},
-    'nodes': {'assembly', 'bus', 'logs', 'ros', 'skin', 'sources', 'viewing', *NUMERICAL}}
+    'nodes': {'assembly', 'bus', 'logs', 'ros', 'skin', 'sources', 'viewing', *NUMERICAL},
+    'gripper': {'grasp', 'nodes', 'ros'}}
+#: Modules that the rules of the gripper controller may import from this package.
+OF_RULES = ('tactile_node.gripper.rules.', 'tactile_node.grasp.', 'tactile_node.errors', 'tactile_node.parameter')
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',
        'sensor_msgs', 'tf2_msgs', 'lifecycle_msgs', 'rosgraph_msgs', 'visualization_msgs', 'unique_identifier_msgs',
        'launch', 'launch_ros'}
@@ -59,7 +62,7 @@ def test_a_stage_imports_only_what_lies_before_it(folder):
         assert folders <= ALLOWED[folder] | {folder}, path
 
 
-@pytest.mark.parametrize('folder', ['library', *sorted(NUMERICAL)])
+@pytest.mark.parametrize('folder', ['library', 'gripper/rules', *sorted(NUMERICAL)])
 def test_the_numerical_core_knows_neither_ros_nor_can(folder):
     for path in modules(folder):
         assert not {name.split('.')[0] for name in imports(path)} & (ROS | CAN), path
@@ -71,10 +74,22 @@ def test_the_can_side_knows_no_ros(folder):
         assert not {name.split('.')[0] for name in imports(path)} & ROS, path
 
 
-def test_only_commands_import_nodes():
+def test_only_commands_and_the_gripper_node_import_nodes():
     for path in PACKAGE.rglob('*.py'):
-        if path.relative_to(PACKAGE).parts[0] not in ('nodes', 'cli'):
+        if path.relative_to(PACKAGE).parts[0] not in ('nodes', 'cli') and path != PACKAGE / 'gripper/gripper_node.py':
             assert not any(name.startswith('tactile_node.nodes') for name in imports(path)), path
+
+
+def test_nothing_imports_the_gripper_controller():
+    for path in PACKAGE.rglob('*.py'):
+        if path.relative_to(PACKAGE).parts[0] != 'gripper':
+            assert not any(name.startswith('tactile_node.gripper') for name in imports(path)), path
+
+
+def test_the_rules_of_the_gripper_controller_import_no_other_part_of_it():
+    for path in modules('gripper/rules'):
+        ours = [name for name in imports(path) if name.startswith('tactile_node.')]
+        assert all(name.startswith(OF_RULES) for name in ours), path
 
 
 def test_every_thread_reports_the_exception_that_ends_it():

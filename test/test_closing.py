@@ -8,7 +8,8 @@ import math
 import pytest
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.closing import (
+from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.closing import (
     BLIND_TIME,
     NO_TOUCH,
     REST_CHANGE,
@@ -20,18 +21,18 @@ from tactile_node.grasp.closing import (
     Closing,
     ForceReading,
     Outcome,
-    TouchLimits,
     TouchReading,
     Widening,
     make_goal,
 )
-from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.touch_settings import TouchSettings
+from tactile_node.parameter import table
 
 PERIOD = 0.02  # Time between two frames [s].
 LATENCY = 0.04  # Delay until the control sees a frame [s].
 THRESHOLD = 0.05  # Force above which a pad counts as touched [N].
 EMPTY = ForceReading(0.0)
-LIMITS = TouchLimits()
+LIMITS = TouchSettings()
 
 
 class World:
@@ -98,7 +99,7 @@ def test_a_force_on_only_one_pad_is_not_a_firm_grasp():
 
 @pytest.mark.parametrize('travel', [0.0, 0.003])
 def test_the_gripper_continues_for_a_limited_travel_while_one_pad_is_touched(travel):
-    limits = TouchLimits(one_sided_travel=travel)
+    limits = TouchSettings(one_sided_travel=travel)
     world = World(off=0.02, stiffness=10.0, start=0.1)
     outcome, _ = world.close(closing(5.0, limits=limits, start=0.1))
     assert outcome is Outcome.ONE_SIDED
@@ -236,7 +237,7 @@ def test_the_gripper_slows_down_at_the_first_touch_or_below_an_opening():
     assert control.speed == LIMITS.slow_speed
     control.look(0.04, empty._replace(acquired=0.04), 0.05)
     assert control.speed == LIMITS.slow_speed  # The gripper stays slow, because the touched object is near.
-    narrow = closing(limits=TouchLimits(slow_from=0.055))
+    narrow = closing(limits=TouchSettings(slow_from=0.055))
     narrow.look(0.0, empty, 0.0551)
     assert narrow.speed == LIMITS.fast_speed
     narrow.look(0.02, empty._replace(acquired=0.02), 0.0549)
@@ -262,15 +263,23 @@ def test_a_speed_whose_overshoot_exceeds_the_force_is_refused_with_the_numbers()
     # A goal without a speed gets a lower speed instead of being refused.
     assert make_goal(0.0, 0.0, 0.6, LIMITS).speed == pytest.approx(0.01)
     with pytest.raises(ConfigurationError, match='fast_speed'):
-        TouchLimits(fast_speed=0.05)
+        TouchSettings(fast_speed=0.05)
 
 
 @pytest.mark.parametrize('changed', [
-    {'widest': 0.0}, {'edge_share': 1.1}, {'slow_speed': 0.03}, {'touch_force': 30.0}, {'max_age': math.nan},
-    {'latency': -1.0}, {'slow_from': -0.1}, {'one_sided_travel': math.inf}], ids=str)
-def test_impossible_limits_are_refused(changed):
+    {'stop_by': 'luck'}, {'slow_speed': 0.03}, {'touch_force': 30.0}], ids=str)
+def test_contradicting_settings_are_refused(changed):
     with pytest.raises(ConfigurationError):
-        TouchLimits(**changed)
+        TouchSettings(**changed)
+
+
+def test_each_number_has_a_range_that_the_parameters_enforce():
+    """The rules divide by these numbers or wait for them, and none of them may be negative or infinite."""
+    may_be_0 = {'slow_from', 'one_sided_travel', 'slide_force_step'}
+    for name, default, properties in table(TouchSettings):
+        if isinstance(default, float):
+            assert properties.low <= default <= properties.high < math.inf
+            assert properties.low == 0 if name in may_be_0 else properties.low > 0, name
 
 
 @pytest.mark.parametrize('contact', [GraspContact.ONE_SIDED, GraspContact.TWO_SIDED])

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from action_msgs.msg import GoalStatus
 from built_messages import environment_with
-from gripper_bench import START
+from virtual_gripper import START
 
-from tactile_node.grasp.closing import Outcome
+from tactile_node.gripper.rules.closing import Outcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 

@@ -14,13 +14,14 @@ import pytest
 from action_msgs.msg import GoalStatus
 from built_messages import environment_with
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from gripper_bench import PERIOD, Client, GripperBench, started_node
+from gripper_bench import Client, GripperBench, started_node
 from rclpy.parameter import Parameter
+from virtual_gripper import PERIOD
 
-from tactile_node.grasp.closing import Outcome
-from tactile_node.nodes import duplicate_watch
-from tactile_node.nodes.duplicate_watch import HEARTBEAT_PERIOD, HOLD_TIME, LISTEN_TIME
-from tactile_node.nodes.gripper_node import GripperNode
+from tactile_node.gripper import duplicate_watch
+from tactile_node.gripper.duplicate_watch import HEARTBEAT_PERIOD, HOLD_TIME, LISTEN_TIME
+from tactile_node.gripper.gripper_node import GripperNode
+from tactile_node.gripper.rules.closing import Outcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
@@ -139,7 +140,7 @@ def test_a_node_ends_with_the_process_that_is_named(make_bench, number):
 
 @LONG
 def test_a_process_id_that_is_not_a_number_causes_one_error(tmp_path):
-    done = subprocess.run([sys.executable, '-m', 'tactile_node.nodes.gripper_node', '--end-with', 'launch'],
+    done = subprocess.run([sys.executable, '-m', 'tactile_node.gripper.gripper_node', '--end-with', 'launch'],
                           env=environment_with('control_msgs'), capture_output=True, text=True, timeout=60)
     assert done.returncode == 2 and '--end-with' in done.stderr and 'Traceback' not in done.stderr
 

@@ -1,18 +1,17 @@
 """Tests of each fault of a gripper's server with each kind of goal, as listed in docs/closing.md.
 
-test_gripper_crash.py tests killed servers, because these tests need separate processes. With TACTILE_LONG, the tests
-use all combinations. Without TACTILE_LONG, each fault is tested once, and each goal at least once.
+test_gripper_crash.py tests killed servers, because these tests need separate processes.
 """
 
 import pytest
+from control_bench import ControlBench
 from gripper_faults import FAULTS, FORCE, GOALS, MOST, happens, recover
 
-from tactile_node.grasp.closing import Outcome, TouchLimits
-
-pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
+from tactile_node.gripper.rules.closing import Outcome
+from tactile_node.gripper.rules.touch_settings import TouchSettings
 
 #: Largest overshoot above a goal's force before a gripper that still answers has stopped [N].
-OVERSHOOT = TouchLimits().overshoot(TouchLimits().fast_speed)
+OVERSHOOT = TouchSettings().overshoot(TouchSettings().fast_speed)
 IN_DOUBT = ('accepts and hangs', 'dies, new server', 'stopped, then woken')
 
 
@@ -50,15 +49,10 @@ EXPECTED = {
     'two servers': row('TOUCHED:close FORCE_REACHED:close+close REACHED:open REACHED:open '
                        'FORCE_REACHED:close+close GOES_ON:close')}
 
-#: Each fault with one of the goals in turn, and then all other combinations.
-CELLS = [pytest.param(fault, goal, marks=() if j == i % len(GOALS) else pytest.mark.long)
-         for i, fault in enumerate(FAULTS) for j, goal in enumerate(GOALS)]
+TWO_SERVERS = 'two servers'
 
 
-@pytest.mark.parametrize(('fault', 'goal'), CELLS)
-def test_a_goal_that_meets_a_fault_ends_truly_and_poisons_none_after_it(ros, fault, goal):
-    from gripper_bench import GripperBench
-    bench = GripperBench(ros, parameters={'hold': True})
+def check(bench, fault, goal):
     seen = happens(bench, fault, goal)
     assert (seen.outcome, seen.sent) == EXPECTED[fault][goal]
     assert seen.is_in_doubt == (fault in IN_DOUBT)
@@ -68,3 +62,59 @@ def test_a_goal_that_meets_a_fault_ends_truly_and_poisons_none_after_it(ros, fau
         force = FORCE if goal in ('force', 'preempt', 'hold') else 0.0
         assert not seen.moves_on and seen.strongest <= force + OVERSHOOT
     assert recover(bench, fault) == (Outcome.REACHED, Outcome.TOUCHED)
+
+
+@pytest.mark.parametrize('goal', GOALS)
+@pytest.mark.parametrize('fault', [each for each in FAULTS if each != TWO_SERVERS])
+def test_a_goal_that_meets_a_fault_ends_truly_and_poisons_none_after_it(fault, goal):
+    check(ControlBench(hold=True), fault, goal)
+
+
+#: The middleware decides which of two servers answers. A new server may also answer for an old one.
+SERVERS = [(TWO_SERVERS, 'close'), ('dies, new server', 'force'), *(
+    pytest.param(fault, goal, marks=pytest.mark.long) for fault in (TWO_SERVERS, 'dies, new server') for goal in GOALS)]
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+@pytest.mark.usefixtures('control_msgs')
+@pytest.mark.parametrize(('fault', 'goal'), SERVERS)
+def test_a_second_server_of_the_middleware_changes_nothing(ros, fault, goal):
+    from gripper_bench import GripperBench
+    check(FaultyBench(GripperBench(ros, parameters={'hold': True})), fault, goal)
+
+
+class FaultyBench:
+    """A GripperBench with the methods of a ControlBench."""
+
+    def __init__(self, bench):
+        self._bench = bench
+        self.motor, self.pads, self.wait, self.until = bench.motor, bench.pads, bench.wait, bench.until
+
+    @property
+    def ends(self):
+        return [Ended(each) for each in self._bench.client.outcomes]
+
+    def send(self, opening=0.0, force=0.0):
+        return self._bench.client.send(position=opening, effort=force)
+
+    def result(self, sent):
+        return Ended(self._bench.client.result(sent).outcome)
+
+    def outcome(self, opening=0.0, force=0.0):
+        return self.result(self.send(opening, force)).outcome
+
+    def add_twin(self):
+        from gripper_bench import ServedMotor
+        bench = self._bench
+        twin = ServedMotor(bench, bench.interface)
+        twin.move_to(bench.motor.opening)
+        bench.on_step = lambda step=bench.on_step: (step(), twin.step())
+        bench.until_served(2)
+
+
+class Ended:
+    """How a goal or a hold ended, from the message of the gripper node."""
+
+    def __init__(self, message):
+        self.outcome, self.text, self.is_hold = Outcome(message.outcome), message.message, message.of_hold

@@ -4,10 +4,11 @@ import math
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from gripper_bench import PERIOD, GripperBench
+from gripper_bench import GripperBench
+from virtual_gripper import PERIOD
 
-from tactile_node.grasp.closing import Outcome
-from tactile_node.ros.gripper_health import gripper_status
+from tactile_node.gripper.health import gripper_status
+from tactile_node.gripper.rules.closing import Outcome
 from tactile_skin.msg import Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]

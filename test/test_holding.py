@@ -5,14 +5,15 @@ The tests simulate a piece of creeping rubber between two pads, sensor noise, an
 
 import math
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.closing import NO_TOUCH, ForceReading, Outcome, TouchLimits, TouchReading, make_goal
-from tactile_node.grasp.holding import BLIND_TIME, SLIDE_PAUSE, SWAY_TIME, Holding, HoldLimits
 from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.closing import NO_TOUCH, ForceReading, Outcome, TouchReading, make_goal
+from tactile_node.gripper.rules.holding import BLIND_TIME, SLIDE_PAUSE, SWAY_TIME, Holding
+from tactile_node.gripper.rules.touch_settings import TouchSettings
 
 FORCE = 5.0          # N
 PERIOD = 0.02        # s
@@ -21,7 +22,7 @@ LOOK = 0.005         # s
 # The sum of these two delays [s] is less than the latency.
 SEEN_AFTER = 0.02
 OBEYS_AFTER = 0.015
-LIMITS, HOLD = TouchLimits(), HoldLimits()
+LIMITS = TouchSettings()
 
 
 class Spring:
@@ -31,7 +32,7 @@ class Spring:
     the decrease in the object's thickness [m].
     """
 
-    def __init__(self, stiffness=1000.0, step=HOLD.gripper_step, noise=0.0, give=lambda now: 0.0, seed=0):
+    def __init__(self, stiffness=1000.0, step=LIMITS.gripper_step, noise=0.0, give=lambda now: 0.0, seed=0):
         self.stiffness, self.step, self.noise, self.give = stiffness, step, noise, give
         self._random = np.random.default_rng(seed)
         self.place = self.first = 0.04
@@ -83,7 +84,8 @@ class Spring:
 
 
 def holding(limits=LIMITS, opening=0.04, force=FORCE, **hold):
-    return Holding(make_goal(0.0, 0.0, force, limits), limits, HoldLimits(**hold), 0.0, opening)
+    limits = replace(limits, **hold)
+    return Holding(make_goal(0.0, 0.0, force, limits), limits, 0.0, opening)
 
 
 def test_a_constant_force_causes_no_movement():
@@ -114,13 +116,13 @@ def test_a_growing_object_is_released_by_no_more_than_it_was_pressed():
     assert spring.corrections == ['closes'] and closed > 0.0005
     assert spring.hold(10.0, control) is None
     assert spring.corrections.count('closes') == 1
-    assert spring.opening == pytest.approx(spring.first, abs=HOLD.gripper_step)
+    assert spring.opening == pytest.approx(spring.first, abs=LIMITS.gripper_step)
     # The gripper opens no wider than at its first stop, because it may carry a heavy object.
     assert spring.forces[-1] > FORCE + 2
 
 
 def test_the_gripper_opens_further_above_the_highest_force():
-    limits = TouchLimits(highest_force=6.0)
+    limits = TouchSettings(highest_force=6.0)
     spring = Spring(give=lambda now: -0.0005 * now)
     control = holding(limits)
     spring.hold(10.0, control)
@@ -130,7 +132,7 @@ def test_the_gripper_opens_further_above_the_highest_force():
 
 def test_the_hold_never_opens_the_gripper_without_a_measured_opening():
     spring = Spring(give=lambda now: -0.0005 * now)
-    spring.hold(10.0, holding(TouchLimits(highest_force=6.0)), knows_opening=False)
+    spring.hold(10.0, holding(TouchSettings(highest_force=6.0)), knows_opening=False)
     assert not spring.corrections
     assert Spring(give=lambda now: 0.001).hold(5.0, holding(opening=math.nan), knows_opening=False) is None
 
@@ -147,9 +149,10 @@ def test_no_correction_causes_another(stiffness, step, noise, offset):
     At the stiffness that the limits assume, one correction must be enough. One gripper step changes the force by up to
     1 N, which is larger than any other effect in this test.
     """
-    limits = TouchLimits(highest_force=5.0)  # With this low limit, the control may also reduce the force.
+    # With this low limit, the control may also reduce the force.
+    limits = TouchSettings(highest_force=5.0, gripper_step=step, hold_travel=0.05)
     spring = Spring(stiffness, step, noise, give=lambda now: -offset / stiffness)
-    control = Holding(make_goal(0.0, 0.0, FORCE, limits), limits, HoldLimits(step, 0.05), 0.0, spring.first)
+    control = Holding(make_goal(0.0, 0.0, FORCE, limits), limits, 0.0, spring.first)
     assert spring.hold(20.0, control) is None
     counts = Counter(spring.corrections)
     assert len(counts) <= 1
@@ -160,7 +163,7 @@ def test_no_correction_causes_another(stiffness, step, noise, offset):
 
 def test_a_step_larger_than_declared_uses_up_the_travel():
     spring = Spring(step=2e-3, give=lambda now: 0.0012)
-    control = holding(TouchLimits(highest_force=5.0), hold_travel=0.02)
+    control = holding(TouchSettings(highest_force=5.0), hold_travel=0.02)
     assert spring.hold(60.0, control) is Outcome.HOLD_ENDED
     assert len(spring.corrections) > 2
 
@@ -265,7 +268,7 @@ def test_the_travel_ends_the_hold_even_if_the_opening_does_not_change():
 
 
 def test_the_force_rises_in_steps_during_a_slide_up_to_the_highest_force():
-    limits = TouchLimits(highest_force=6.5)
+    limits = TouchSettings(highest_force=6.5)
     spring, steps = Spring(), []
 
     def sliding(touch, now):
@@ -324,10 +327,3 @@ def test_unseen_time_does_not_count_as_a_slide():
         slides = (1.0, math.nan) if 1.0 <= now < 1.05 or 1.55 <= now < 1.6 else (math.nan, math.nan)
         return touch._replace(slides=slides, fresh=not 1.05 <= now < 1.55)
     assert answered_to(blind_in_between) == FORCE
-
-
-@pytest.mark.parametrize('wrong', [{'gripper_step': 0.0}, {'hold_travel': math.nan}, {'slide_force_step': -1.0},
-                                   {'gripper_step': math.inf}], ids=str)
-def test_impossible_limits_are_refused(wrong):
-    with pytest.raises(ConfigurationError, match='holding'):
-        HoldLimits(**wrong)

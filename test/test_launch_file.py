@@ -20,7 +20,8 @@ from tactile_node.cli.bringup import ARGUMENTS, OTHER_SPELLINGS, PARAMETERS
 from tactile_node.cli.main import _parser
 from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import Role, bus_nodes
-from tactile_node.ros.settings import ClassifierSettings, DriverSettings, GraspNodeSettings, table
+from tactile_node.parameter import table
+from tactile_node.ros.settings import ClassifierSettings, DriverSettings, GraspNodeSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'launch' / 'bringup.launch.py'

@@ -9,10 +9,10 @@ from gripper_bench import GripperBench
 from rclpy.action import ActionServer, GoalResponse
 from ros_bench import RosBench
 
-from tactile_node.grasp.closing import Outcome
+from tactile_node.gripper.messages import GripperState, gripper_interface
+from tactile_node.gripper.rules.closing import Outcome
+from tactile_node.gripper.touch_client import OUTCOME_WAIT, TouchClient
 from tactile_node.nodes.spinner import spinning
-from tactile_node.ros.gripper_messages import GripperState, gripper_interface
-from tactile_node.ros.touch_client import OUTCOME_WAIT, TouchClient
 from tactile_skin.msg import GripperOutcome
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
@@ -103,7 +103,7 @@ def test_a_program_without_an_executor_waits_as_well(ros, is_spun):
     """
     import rclpy
 
-    from tactile_node.nodes.gripper_node import GripperNode
+    from tactile_node.gripper.gripper_node import GripperNode
     gripper, planner = GripperNode(), rclpy.create_node('planner')
     ros.callback(gripper.destroy_node)
     ros.callback(planner.destroy_node)

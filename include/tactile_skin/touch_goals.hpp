@@ -1,6 +1,6 @@
 // Matches the results and the outcomes of touch_gripper goals by the goal id, for planners in C++. The result of a goal
 // contains little information. Its outcome is a separate message, which may arrive before the result, and even before
-// the goal is accepted. tactile_node/ros/touch_client.py does the same in Python.
+// the goal is accepted. tactile_node/gripper/touch_client.py does the same in Python.
 // The header does not need rclcpp; docs/closing.md shows an example with rclcpp. The class is not thread-safe, so call
 // it from one callback group.
 //

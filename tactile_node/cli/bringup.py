@@ -11,14 +11,13 @@ from tactile_node.cli.options import add_number, names, node_ids, switch
 from tactile_node.errors import ConfigurationError
 from tactile_node.interruption import interruption, stop_with
 from tactile_node.node_graph import NodeDescription, ParameterValue, Role, Side, bus_nodes, roles_of
+from tactile_node.parameter import Parameter, table
 from tactile_node.ros.global_names import without_global_names
 from tactile_node.ros.settings import (
     ClassifierSettings,
     DriverSettings,
     GraspNodeSettings,
-    Parameter,
     ProcessorSettings,
-    table,
 )
 
 SIMULATED_CHANNEL = 'tactile_bringup'

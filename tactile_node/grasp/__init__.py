@@ -1,1 +1,1 @@
-"""Combine two opposing pads into one grasp, and close and hold with a gripper."""
+"""Combine two opposing pads into one grasp."""

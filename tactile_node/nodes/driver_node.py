@@ -27,7 +27,7 @@ from tactile_node.nodes.lifecycle_steps import LifecycleSteps, reject_invalid_tr
 from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay import ClockOutput
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.stage import STOP_TIMEOUT, Stages
+from tactile_node.nodes.stage import StageNode, Stages
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, masks_faulty, skin_responses
 from tactile_node.ros.parameters import declare, follow_changes, read, table
@@ -50,7 +50,7 @@ WAITING_PERIOD = 0.2
 RETRY_PERIOD = 0.5  #: Time between two attempts to configure while the driver waits for a bus or device at start [s].
 
 
-class DriverNode(LifecycleNode):
+class DriverNode(StageNode, LifecycleNode):
     """Publishes `<pad>/taxels` for each pad while active, and /diagnostics and `~/status` in every lifecycle state.
 
     Parameters
@@ -64,7 +64,7 @@ class DriverNode(LifecycleNode):
     _is_made = False  # True once the constructor has finished
 
     def __init__(self, stages: Stages | None = None, **options: Any):
-        super().__init__(NODE_NAMES[Role.DRIVER], **options)
+        super().__init__(NODE_NAMES[Role.DRIVER], stages, **options)
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
         follow_changes(self, DriverSettings, self._check, self._apply)
@@ -73,9 +73,7 @@ class DriverNode(LifecycleNode):
         self._settings: DriverSettings | None = None  # None unless configured
         self.source: FrameSource | None = None  #: the bus or the log, or None while the driver is unconfigured
         self._pads: dict[str, PadOutput] = {}
-        self._stages = stages or Stages()
         self._is_playing = False  # True while the thread of a log may wait for the chain
-        self._is_alone = stages is None
         # functions that release the resources acquired by configure, called in reverse order
         self._owned: list[Callable[[], object]] = []
         self._steps = LifecycleSteps(self)
@@ -169,8 +167,6 @@ class DriverNode(LifecycleNode):
             self._release()
             self._state.end()
             stop_forwarding_to(self)
-            if self._is_alone:
-                self._stages.chain.stop(STOP_TIMEOUT)
         super().destroy_node()
 
     def _configure(self) -> None:

@@ -6,12 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.nodes.guarded_input import GuardedInput
+from tactile_node.nodes.ticker import Ticker
 from tactile_node.ros.message_age import use_stamps
 from tactile_node.ros.message_health import (
     StreamFault,
@@ -90,33 +89,4 @@ def publish_status(node: Node, status: Callable[[], DiagnosticStatus]) -> None:
         message = DiagnosticArray(status=[status()])
         message.header.stamp = node.get_clock().now().to_msg()
         publisher.publish(message)
-    start_health_timer(node, publish)
-
-
-def start_health_timer(node: Node, publish: Callable[[], None], period: float = HEALTH_PERIOD) -> None:
-    """Call a function periodically on the steady clock, as long as the node exists.
-
-    The timer does not use the node's own clock. That clock stands still with use_sim_time and no /clock, and the last
-    OK would never be replaced. If the function raises an exception, the exception is logged. An uncaught exception
-    would end the executor, and with it every node of the process.
-
-    Parameters
-    ----------
-    node : Node
-        Node that owns the timer.
-    publish : callable
-        Function to call.
-    period : float
-        Time between two calls [s].
-    """
-    throttle = LogThrottle()
-
-    def report() -> None:
-        try:
-            publish()
-        except Exception:
-            if not node.context.ok():  # the process is ending, and can no longer publish anything
-                raise
-            if throttle.is_due('health', time.monotonic()):
-                logger.exception('the health of the node could not be published', extra=of_node(node))
-    node.create_timer(period, report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    Ticker(node, HEALTH_PERIOD, publish, on_executor=True)

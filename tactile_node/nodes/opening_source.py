@@ -22,6 +22,7 @@ from tactile_node.grasp.gripper import FrameTree
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import publish_status
+from tactile_node.parameter import table
 from tactile_node.ros.message_age import MeasurementTime, use_stamps
 from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.message_health import total
@@ -37,7 +38,7 @@ from tactile_node.ros.opening_messages import (
 )
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
 from tactile_node.ros.rosout_handler import of_node
-from tactile_node.ros.settings import GraspNodeSettings, table
+from tactile_node.ros.settings import GraspNodeSettings
 from tactile_node.ros.time_messages import seconds
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from rclpy.time import Duration
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import Gripper
-from tactile_node.nodes.node_health import start_health_timer
 from tactile_node.nodes.opening_source import NONE, PARAMETER, OpeningSource
+from tactile_node.nodes.ticker import Ticker
 from tactile_node.ros.opening_messages import frame_name, pad_transform, tf_message_type
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
 from tactile_node.ros.rosout_handler import of_node
@@ -55,7 +55,7 @@ class PadTransforms:
                                                 TF_STATIC_QOS if is_static else TF_QOS)
         if is_static:
             self._publish_static()
-        start_health_timer(node, self._publish_static if is_static else self._publish_moving, TRANSFORM_PERIOD)
+        Ticker(node, TRANSFORM_PERIOD, self._publish_static if is_static else self._publish_moving, on_executor=True)
 
     def _publish_static(self) -> None:
         gap = self._source.current().gap

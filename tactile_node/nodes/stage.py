@@ -300,7 +300,7 @@ class StageOutput(Generic[Result]):
 
 
 class StageNode(Node):
-    """A node that is a stage of the chain, and ends its inputs and outputs when it is destroyed.
+    """A node on the chain, which ends its inputs, its outputs and its own chain when it is destroyed.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
-"""Call a function of a node periodically, without rclpy's executor."""
+"""Call a function of a node periodically."""
 
 import logging
 import time
 from collections.abc import Callable
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from tactile_node.bus.log_throttle import LogThrottle
@@ -14,12 +15,14 @@ logger = logging.getLogger(__name__)
 
 
 class Ticker:
-    """Calls a function periodically on a thread of its own until it is stopped.
+    """Calls a function periodically, on a thread of its own or on rclpy's executor.
 
     Before each timer callback, rclpy's executor prepares all entities of the process twice, which takes 1 ms for the
-    nodes of a gripper. A ticker also runs on while the executor or the chain is blocked.
+    nodes of a gripper. A thread also runs on while the executor or the chain is blocked. The executor calls the
+    function on the steady clock. The node's own clock stands still with use_sim_time and no /clock.
 
-    If the function raises an exception, the ticker logs it and continues.
+    If the function raises an exception, the ticker logs it and continues. An uncaught exception would end the executor,
+    and with it every node of the process.
 
     Parameters
     ----------
@@ -28,18 +31,24 @@ class Ticker:
     period : float
         Time between two calls [s].
     call : callable
-        Function to call. Other threads of the process may run at the same time.
+        Function to call. On a thread, other threads of the process may run at the same time.
+    on_executor : bool
+        True to call the function on rclpy's executor, as long as the node exists.
     """
 
-    def __init__(self, node: Node, period: float, call: Callable[[], None]):
+    def __init__(self, node: Node, period: float, call: Callable[[], None], *, on_executor: bool = False):
         self._node, self._call = node, call
         self._throttle = LogThrottle()
-        self._pacer = Pacer(period, self._tick, f'{node.get_name()} ticks', on_death=lambda error: None)
-        self._pacer.start()
+        if on_executor:
+            self._end = node.create_timer(period, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME)).cancel
+        else:
+            pacer = Pacer(period, self._tick, f'{node.get_name()} ticks', on_death=lambda error: None)
+            pacer.start()
+            self._end = pacer.stop
 
     def stop(self) -> None:
-        """Call the function no more, and wait until a running call has ended."""
-        self._pacer.stop()
+        """Call the function no more, and wait until a running call on the thread has ended."""
+        self._end()
 
     def _tick(self) -> None:
         try:

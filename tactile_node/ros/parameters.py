@@ -13,7 +13,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.ros.settings import NodeSettings, Parameter, table
+from tactile_node.parameter import Parameter, table
+from tactile_node.ros.settings import NodeSettings
 
 SIMILAR = 0.8  #: lowest similarity at which an unknown name counts as a misspelling of a known name
 

@@ -4,8 +4,8 @@ This module does not import ROS, because the launch file, `tactile bringup` and 
 """
 
 import math
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from tactile_node.bus.bus_settings import (
     DEFAULT_BITRATE,
@@ -19,6 +19,7 @@ from tactile_node.conditioning.tare import TARE_LIMIT_BY_UNIT
 from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspSettings
+from tactile_node.parameter import parameter
 from tactile_node.shape.recognition import DEFAULT_METHOD
 from tactile_node.taxel_frame import LEAST_BY_UNIT, PRESS_BY_UNIT, RELEASE_RATIO
 
@@ -27,40 +28,14 @@ if TYPE_CHECKING:
 
 BUS = BusSettings(DEFAULT_INTERFACE, DEFAULT_CHANNEL)  #: source of the defaults of the driver's bus
 GRASP = GraspSettings()  #: source of the defaults of the grasp node
-METADATA = 'parameter'  #: key under which the metadata of a field stores the properties
 
 #: Maximum number of frames that wait for a stage. Ten waiting frames at 50 Hz would delay data by 0.2 s, but a gripper
 #: does not close on data older than 0.15 s.
 MOST_WAITING = 2
 
-Value = bool | int | float | str | tuple[str, ...] | tuple[int, ...] | tuple[float, ...]
-Default = TypeVar('Default', bound=Value)
 FRAME_PREFIX = 'prefix of every frame, such as robot1/, as for robot_state_publisher'
 FULL_SCALE = 'reading with the brightest colour of {} [unit of the taxels]; 0: the highest so far, at least ' + (
     f'{PRESS_BY_UNIT["Pa"] / 1e3:g} kPa, {PRESS_BY_UNIT["N"]:g} N')
-
-
-class Properties(NamedTuple):
-    """Properties of a parameter besides its name and default. ``low`` and ``high`` limit a numerical value."""
-
-    description: str
-    low: float = -math.inf
-    high: float = math.inf
-    live: bool = False  #: True if a change takes effect immediately, False if the parameter is read-only
-
-
-class Parameter(NamedTuple):
-    """One row in the parameter table of a node."""
-
-    name: str
-    default: object
-    properties: Properties
-
-
-def parameter(default: Default, description: str, low: float = -math.inf, high: float = math.inf, *,
-              live: bool = False) -> Default:
-    """Return a dataclass field that defines a ROS parameter."""
-    return field(default=default, metadata={METADATA: Properties(description, low, high, live)})
 
 
 @dataclass(frozen=True)
@@ -101,11 +76,6 @@ class ReceiverSettings(NodeSettings):
     def most_waiting(self) -> int:
         """Maximum number of frames that wait for a stage. A slow stage may lag behind by this number."""
         return self.queue_depth if self.lossless else min(self.queue_depth, MOST_WAITING)
-
-
-def table(settings: type[NodeSettings]) -> tuple[Parameter, ...]:
-    """Return the parameter table of a node, with one row for each field of its settings."""
-    return tuple(Parameter(each.name, each.default, each.metadata[METADATA]) for each in fields(settings))
 
 
 @dataclass(frozen=True)

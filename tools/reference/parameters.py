@@ -3,8 +3,8 @@
 import math
 
 from reference import markdown as md
+from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.ros import settings
-from tactile_node.ros.gripper_settings import GripperSettings
 from tactile_node.ros.parameters import NodeSettings, Parameter, table
 
 #: Settings class of each node, in the order in which data passes through the nodes.

@@ -13,11 +13,10 @@ reading is D below the target force.
 """
 
 import math
-from dataclasses import dataclass
 
-from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.closing import LOST_AFTER, Goal, Outcome, TouchLimits, TouchReading
 from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.closing import LOST_AFTER, Goal, Outcome, TouchReading
+from tactile_node.gripper.rules.touch_settings import TouchSettings
 
 NOISE_CERTAINTY = 4.0  #: Largest error of a reading [standard deviations].
 BLIND_TIME = 1.0       #: Time without a known force after which the hold ends [s].
@@ -29,28 +28,6 @@ SLIDE_PAUSE = 1.0      #: Shortest time between two reactions to sliding [s].
 SWAY_TIME = 0.5
 
 
-@dataclass(frozen=True)
-class HoldLimits:
-    """Limits for holding an object.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if a limit is out of range.
-    """
-
-    gripper_step: float = 1e-4     #: smallest change of the opening that the gripper makes [m]
-    hold_travel: float = 0.005     #: largest total travel of all corrections [m]
-    slide_force_step: float = 0.0  #: step by which the force is raised if the object slides [N]; 0 to disable this
-
-    def __post_init__(self) -> None:
-        if not (0 < self.gripper_step < math.inf and 0 < self.hold_travel < math.inf
-                and 0 <= self.slide_force_step < math.inf):
-            raise ConfigurationError('limits of holding', expected='gripper_step and hold_travel above 0, '
-                                     'slide_force_step 0 or more', got=str(self),
-                                     remedy='Correct the parameters of the gripper node.')
-
-
 class Holding:
     """Holds an object after a goal, with the force of that goal.
 
@@ -58,18 +35,16 @@ class Holding:
     ----------
     goal : Goal
         The goal that has ended.
-    limits : TouchLimits
-        Limits for closing the gripper.
-    hold : HoldLimits
-        Limits for holding an object.
+    limits : TouchSettings
+        Limits for closing and holding.
     now : float
         Time of the start [s].
     opening : float
         Opening at the start [m], or NaN if unknown.
     """
 
-    def __init__(self, goal: Goal, limits: TouchLimits, hold: HoldLimits, now: float, opening: float):
-        self._goal, self._limits, self._hold, self._first = goal, limits, hold, opening
+    def __init__(self, goal: Goal, limits: TouchSettings, now: float, opening: float):
+        self._goal, self._limits, self._first = goal, limits, opening
         self.force = goal.force  #: force to keep [N]
         self.target = opening    #: opening to which the gripper moves [m]
         self.speed = 0.0         #: speed of the movement to ``target`` [m/s]; 0 while the gripper rests
@@ -86,7 +61,7 @@ class Holding:
     @property
     def deadband(self) -> float:
         """Deviation from the target force at which a correction begins [N]."""
-        step = self._limits.stiffness * self._hold.gripper_step
+        step = self._limits.stiffness * self._limits.gripper_step
         return step + self._limits.overshoot(self._slow) + 2 * self._noise
 
     def look(self, now: float, touch: TouchReading, opening: float, *, is_still: bool) -> Outcome | None:
@@ -143,7 +118,7 @@ class Holding:
             return Outcome.FORCE_NOT_KNOWN if is_seen else Outcome.NOT_SEEN
         if is_seen and now - self._held > LOST_AFTER:
             return Outcome.ONE_SIDED if touch.is_touched else Outcome.LOST
-        return Outcome.HOLD_ENDED if self._used + self._travelled(now, opening) >= self._hold.hold_travel else None
+        return Outcome.HOLD_ENDED if self._used + self._travelled(now, opening) >= self._limits.hold_travel else None
 
     def _travelled(self, now: float, opening: float) -> float:
         """Return the commanded or measured travel of the current correction, whichever is larger [m].
@@ -175,12 +150,12 @@ class Holding:
             if touch.strongest <= self._limits.highest_force:
                 # NaN comes first, so that the result is NaN if the first opening is unknown
                 target = min(self._first, target)
-            if target >= opening + self._hold.gripper_step:
+            if target >= opening + self._limits.gripper_step:
                 self.target, self.speed, self.eases = target, self._slow, True
 
     def _answers(self, now: float) -> bool:
         """Raise the force if the object has slid in one direction for long enough, and return True if so."""
-        raised = min(self.force + self._hold.slide_force_step, self._limits.highest_force)
+        raised = min(self.force + self._limits.slide_force_step, self._limits.highest_force)
         if now - self._slid_since < SWAY_TIME or raised <= self.force or now - self._answered < SLIDE_PAUSE:
             return False
         self.force, self._answered = raised, now

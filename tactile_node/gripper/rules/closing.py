@@ -7,13 +7,13 @@ reading, the highest possible force is compared with the limit.
 """
 
 import math
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from tactile_node.errors import ConfigurationError, RefusedGoalError
+from tactile_node.errors import RefusedGoalError
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.touch_settings import TouchSettings
 
 BLIND_TIME = 0.5  #: Time for which the gripper waits at rest for complete readings before the goal ends [s].
 
@@ -136,55 +136,6 @@ class TouchReading(NamedTuple):
 NO_TOUCH = TouchReading(-math.inf, False, GraspContact.NOT_KNOWN, (ForceReading(), ForceReading()))
 
 
-@dataclass(frozen=True)
-class TouchLimits:
-    """Limits for closing the gripper.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if a limit is out of range, or if the overshoot at ``fast_speed`` exceeds ``touch_force``.
-    """
-
-    widest: float = 0.08         #: jaw opening when the gripper is fully open [m]
-    fast_speed: float = 0.02     #: speed at which the opening changes until the first touch [m/s]
-    slow_speed: float = 0.005    #: speed after the first touch, or while the opening is below slow_from [m/s]
-    slow_from: float = 0.0       #: opening below which the gripper closes at slow_speed [m]; 0 to disable this
-    touch_force: float = 2.0     #: force limit for goals that give no force [N]
-    highest_force: float = 20.0  #: highest force that a goal may request [N]
-    edge_share: float = 0.5      #: smallest share of the force that a pad reads if the contact continues beyond the pad
-
-    #: largest distance that the gripper travels with only one pad touched [m]; 0 to stop immediately
-    one_sided_travel: float = 0.02
-    max_age: float = 0.15      #: largest age of the readings [s]
-    latency: float = 0.06      #: time from a touch until the gripper stops [s]
-    stiffness: float = 1000.0  #: stiffness of pads and object: force per change of opening [N/m]
-
-    def __post_init__(self) -> None:
-        positive = (self.widest, self.fast_speed, self.slow_speed, self.touch_force, self.highest_force,
-                    self.edge_share, self.max_age, self.latency, self.stiffness)
-        if not (all(0 < each < math.inf for each in positive) and self.edge_share <= 1
-                and self.slow_speed <= self.fast_speed and self.touch_force <= self.highest_force
-                and 0 <= self.slow_from < math.inf and 0 <= self.one_sided_travel < math.inf):
-            raise ConfigurationError(
-                'limits of closing', expected='numbers above 0, edge_share <= 1, slow_speed <= fast_speed, '
-                'touch_force <= highest_force', got=str(self), remedy='Correct the parameters of the gripper node.')
-        if self.overshoot(self.fast_speed) > self.touch_force:
-            raise ConfigurationError(
-                'fast_speed', expected=f'at most {self.fastest(self.touch_force):.3g} m/s, at which latency x speed x '
-                f'stiffness is the touch_force of {self.touch_force:g} N',
-                got=f'{self.fast_speed:g} m/s: {self.latency:g} s x {self.fast_speed:g} m/s x {self.stiffness:g} N/m '
-                f'= {self.overshoot(self.fast_speed):.3g} N', remedy='Close more slowly, or allow more force.')
-
-    def overshoot(self, speed: float) -> float:
-        """Return the force that builds up from a touch until the gripper stops [N]."""
-        return self.latency * speed * self.stiffness
-
-    def fastest(self, force: float) -> float:
-        """Return the speed at which the overshoot is ``force`` [m/s]."""
-        return force / (self.latency * self.stiffness)
-
-
 class Goal(NamedTuple):
     """A client's request to move the gripper."""
 
@@ -194,12 +145,12 @@ class Goal(NamedTuple):
     until_touched: bool  #: True if the client gave no force, so that the gripper stops when both pads are touched
     speed_is_fixed: bool = False  #: True if the gripper does not accept a speed
 
-    def slow_speed(self, limits: TouchLimits) -> float:
+    def slow_speed(self, limits: TouchSettings) -> float:
         """Return the speed after the first touch [m/s]."""
         return self.speed if self.speed_is_fixed else min(limits.slow_speed, self.speed)
 
 
-def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *,
+def make_goal(opening: float, speed: float, force: float, limits: TouchSettings, *,
               speed_is_fixed: bool = False) -> Goal:
     """Return a goal that closes the gripper to an opening.
 
@@ -211,7 +162,7 @@ def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *
         Speed until the first touch [m/s], or 0 if none is given.
     force : float
         Limit for the larger of the two pad forces [N], or 0 if none is given.
-    limits : TouchLimits
+    limits : TouchSettings
         Limits for closing the gripper.
     speed_is_fixed : bool
         True if the gripper does not accept a speed and closes at ``limits.fast_speed``.
@@ -223,7 +174,7 @@ def make_goal(opening: float, speed: float, force: float, limits: TouchLimits, *
 
     Examples
     --------
-    >>> make_goal(0.0, 0.0, 0.6, TouchLimits(latency=0.06, stiffness=1000.0)).speed
+    >>> make_goal(0.0, 0.0, 0.6, TouchSettings(latency=0.06, stiffness=1000.0)).speed
     0.01
     """
     check_number('opening', opening, -BEYOND, HIGHEST_GAP, 'm')
@@ -254,7 +205,7 @@ class Closing:
     ----------
     goal : Goal
         The goal.
-    limits : TouchLimits
+    limits : TouchSettings
         Limits for closing the gripper.
     now : float
         Time of the start [s].
@@ -262,7 +213,7 @@ class Closing:
         Opening at the start [m], or NaN if unknown.
     """
 
-    def __init__(self, goal: Goal, limits: TouchLimits, now: float, opening: float):
+    def __init__(self, goal: Goal, limits: TouchSettings, now: float, opening: float):
         self.goal, self._limits = goal, limits
         self._opening, self._looked = opening, now
         self._has_begun = False    # True once the gripper has been commanded to move
@@ -373,7 +324,7 @@ class Widening:
     ----------
     goal : float
         Opening to reach [m].
-    limits : TouchLimits
+    limits : TouchSettings
         Limits for closing the gripper.
     now : float
         Time of the start [s].
@@ -381,7 +332,7 @@ class Widening:
         Opening at the start [m], or NaN if unknown.
     """
 
-    def __init__(self, goal: float, limits: TouchLimits, now: float, opening: float):
+    def __init__(self, goal: float, limits: TouchSettings, now: float, opening: float):
         self._limits = limits
         self._force = math.nan  # larger of the pad forces at the first current reading [N]
         self._deadline = deadline(now, goal - (opening if math.isfinite(opening) else 0.0), self.speed)

@@ -13,7 +13,7 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from unique_identifier_msgs.msg import UUID
 
-from tactile_node.ros.gripper_messages import PARALLEL, Command, GripperState, gripper_interface
+from tactile_node.gripper.messages import PARALLEL, GoalValues, GripperState, gripper_interface
 from tactile_skin.msg import GripperOutcome
 
 OUTCOME_WAIT = 1.0  #: time after the result for which the client waits for the outcome before it counts as lost [s]
@@ -112,7 +112,7 @@ class TouchClient:
         """
         sent, goal_id = TouchGoal(self._steady), uuid4().bytes
         self._goals[goal_id] = sent
-        message = self._interface.goal(Command(position, speed, effort)) if goal is None else goal
+        message = self._interface.goal(GoalValues(position, speed, effort)) if goal is None else goal
         future = self._client.send_goal_async(message, goal_uuid=UUID(uuid=list(goal_id)))
         future.add_done_callback(lambda done: sent._accept(done.result(), self._interface.state))
         return sent

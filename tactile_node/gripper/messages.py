@@ -7,14 +7,14 @@ import math
 from typing import Any, NamedTuple
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.closing import ForceReading, TouchReading
 from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.closing import ForceReading, TouchReading
 from tactile_skin.msg import Grasp
 
 INTERFACES = PARALLEL, SINGLE = 'ParallelGripperCommand', 'GripperCommand'
 
 
-class Command(NamedTuple):
+class GoalValues(NamedTuple):
     """Content of a goal in the gripper's own units.
 
     A speed or effort is 0 if the goal gives no value, and NaN if the goal gives several values.
@@ -42,13 +42,13 @@ class _Single:
     def __init__(self, action: Any):
         self.action = action
 
-    def command(self, goal: Any) -> Command:
-        """Return the command that ``goal`` contains."""
-        return Command(goal.command.position, 0.0, goal.command.max_effort)
+    def values(self, goal: Any) -> GoalValues:
+        """Return the values that ``goal`` contains."""
+        return GoalValues(goal.command.position, 0.0, goal.command.max_effort)
 
-    def goal(self, command: Command) -> Any:
+    def goal(self, values: GoalValues) -> Any:
         goal = self.action.Goal()
-        goal.command.position, goal.command.max_effort = command.position, command.effort
+        goal.command.position, goal.command.max_effort = values.position, values.effort
         return goal
 
     def state(self, message: Any) -> GripperState:
@@ -70,8 +70,8 @@ class _Parallel:
     def __init__(self, action: Any, joint: str):
         self.action, self._joint = action, joint
 
-    def command(self, goal: Any) -> Command:
-        """Return the command in ``goal``. Raises RefusedGoalError unless it has one position for the joint."""
+    def values(self, goal: Any) -> GoalValues:
+        """Return the values in ``goal``. Raises RefusedGoalError unless it has one position for the joint."""
         asked = goal.command
         names, count = list(asked.name), len(asked.position)
         if count != 1 or (self._joint and names and names != [self._joint]):
@@ -79,13 +79,13 @@ class _Parallel:
                                    got=f'{count} of {", ".join(names) or "no name"}',
                                    remedy='Command the joint that is set in the parameter joint.')
         speed, effort = (math.nan if len(each) > 1 else _first(each, 0.0) for each in (asked.velocity, asked.effort))
-        return Command(asked.position[0], speed, effort)
+        return GoalValues(asked.position[0], speed, effort)
 
-    def goal(self, command: Command) -> Any:
+    def goal(self, values: GoalValues) -> Any:
         goal = self.action.Goal()
         goal.command.name = [self._joint] if self._joint else []
-        goal.command.position, goal.command.effort = [command.position], [command.effort]
-        goal.command.velocity = [command.speed] if command.speed else []
+        goal.command.position, goal.command.effort = [values.position], [values.effort]
+        goal.command.velocity = [values.speed] if values.speed else []
         return goal
 
     def state(self, message: Any) -> GripperState:

@@ -46,7 +46,7 @@ class DuplicateWatch:
         self._heard: dict[str, float] = {}  # topic -> time when another process was last heard [s]
         self._ran = -math.inf  # time of the last heartbeat of this process [s]
         self._listens_since = math.inf  # time when this process started to listen without interruption [s]
-        self._logged: tuple[str, ...] = ()
+        self._logged = ''
         self._publishers = [node.create_publisher(UUID, topic, QoSProfile(depth=10)) for topic in topics]
         for publisher in self._publishers:
             node.create_subscription(UUID, publisher.topic_name, partial(self._hear, publisher.topic_name),
@@ -59,6 +59,14 @@ class DuplicateWatch:
         return tuple(topic for topic, heard in self._heard.items() if self._steady() - heard <= HOLD_TIME)
 
     @property
+    def text(self) -> str:
+        """Error text that names the topics on which another process was heard, or '' if none was heard."""
+        topics = self.topics
+        return '' if not topics else (
+            f'closing is disabled, because another touch_gripper is heard on {", ".join(topics)}: stop one of them '
+            f'(`ros2 topic info -v {topics[0]}` lists them)')
+
+    @property
     def has_listened(self) -> bool:
         """True if this process has listened without interruption for at least LISTEN_TIME."""
         now = self._steady()
@@ -69,20 +77,13 @@ class DuplicateWatch:
             self._heard[topic] = self._steady()
 
     def _run(self) -> None:
-        now, found = self._steady(), self.topics
+        now = self._steady()
         if now - self._ran > HOLD_TIME:
             self._listens_since = now
         self._ran = now
         for publisher in self._publishers:
             publisher.publish(self._identity)
-        if found != self._logged:
-            logger.log(logging.ERROR if found else logging.INFO, '%s',
-                       duplicate_text(found) or 'the other touch_gripper has ended', extra=of_node(self._node))
-            self._logged = found
-
-
-def duplicate_text(topics: Sequence[str]) -> str:
-    """Return the error text for a duplicate heard on ``topics``, or '' if there are no topics."""
-    return '' if not topics else (
-        f'closing is disabled, because another touch_gripper is heard on {", ".join(topics)}: stop one of them '
-        f'(`ros2 topic info -v {topics[0]}` lists them)')
+        if self.text != self._logged:
+            self._logged = self.text
+            logger.log(logging.ERROR if self._logged else logging.INFO, '%s',
+                       self._logged or 'the other touch_gripper has ended', extra=of_node(self._node))

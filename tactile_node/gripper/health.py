@@ -4,7 +4,7 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tactile_node.grasp.closing import Outcome
+from tactile_node.gripper.rules.closing import Outcome
 from tactile_node.ros.message_health import MessageCounts, several_text, status_of
 from tactile_skin.msg import Grasp
 

@@ -1,0 +1,1 @@
+"""The rules of the gripper controller, which know neither ROS nor CAN and read no clock."""
