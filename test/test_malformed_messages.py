@@ -349,6 +349,7 @@ def test_every_message_of_our_own_nodes_is_accepted(chain, method, fuse):
         assert check_taxel_array(message) is None
         publisher.publish(message)
         chain.wait_for(shapes, sequence + 1)
+        chain.wait_for(features, sequence + 1)  # published after the shape
     assert all(map(features_fit, features)) and len(features) == frames
     assert [check_contact_shape(message) for message in shapes] == [None] * frames
     # At least one contact is not seen.
