@@ -57,17 +57,9 @@ class Threshold(NamedTuple):
     highest_rest: float = -np.inf
 
 
-class StandingOut(NamedTuple):
-    """Pressed taxels of a frame, and their halo."""
-
-    pressed: np.ndarray      #: bool (rows, cols)
-
-    #: (rows, cols), part of each value that the halo of the pressed taxels adds; None without a halo
-    halo: np.ndarray | None
-
-
-def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, before: np.ndarray) -> StandingOut:
-    """Return the pressed taxels of a frame.
+def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold,
+                 before: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the pressed taxels of a frame, and their halo.
 
     Parameters
     ----------
@@ -80,6 +72,13 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, be
     before : np.ndarray
         Taxels pressed in the previous frame, bool (rows, cols). Taxels pressed before stay pressed down to KEPT_SHARE
         of the limits.
+
+    Returns
+    -------
+    pressed : np.ndarray
+        Pressed taxels, bool (rows, cols).
+    halo : np.ndarray or None
+        Part of each value that the halo of the pressed taxels adds, (rows, cols), or None without a halo.
     """
     raised = np.where(valid, values - threshold.level, 0.0)
     ease = np.where(before, KEPT_SHARE, 1.0)
@@ -87,7 +86,7 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold, be
     halo = halo_of(raised, valid, pressed)
     if halo is not None:
         pressed = _found(np.where(valid, raised - halo, 0.0), valid, threshold, ease)
-    return StandingOut(pressed, halo)
+    return pressed, halo
 
 
 def _found(raised: np.ndarray, valid: np.ndarray, threshold: Threshold, ease: np.ndarray) -> np.ndarray:

@@ -5,7 +5,8 @@ processor node runs the first half (`ContactPipeline.find`), and the classifier 
 (`ContactPipeline.recognise`).
 """
 
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,10 +31,8 @@ DEFAULT_FUSION = FusionSettings()
 SURE = 0.9  #: Smallest confidence with which a recognition is reused for later frames with the same pressed taxels.
 
 
-class Curve(Protocol):
-    """A function that converts readings into pressures."""
-
-    def __call__(self, values: np.ndarray) -> np.ndarray: ...
+#: A function that converts readings into pressures.
+Curve: TypeAlias = Callable[[np.ndarray], np.ndarray]
 
 
 class Taxels(NamedTuple):
