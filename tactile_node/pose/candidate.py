@@ -123,9 +123,9 @@ class Candidate(NamedTuple):
     """An outline that may be the outline of a contact, at the parameters that its fit has reached.
 
     The fit minimises a cost, the sum of weights (values - fitted)² over the taxels plus the sum of
-    precision (parameters - expected)² over the parameters. All lengths are in pitches of the evidence. The stages of a
-    fit each return a new candidate: `coarse`, `weighted`, `with_likely_peak` and `fine`. In the next frame, the stage
-    `followed` continues from the candidate.
+    precision (parameters - expected)² over the parameters. All lengths are in pitches, and one pitch is the side of a
+    block of the evidence. The stages of a fit each return a new candidate: `coarse`, `weighted`, `with_likely_peak` and
+    `fine`. In the next frame, the stage `followed` continues from the candidate.
     """
 
     evidence: Evidence

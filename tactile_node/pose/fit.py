@@ -63,7 +63,7 @@ class ShapeFit(NamedTuple):
         Parameters
         ----------
         found : OutlineFit
-            The fit, with lengths in pitches of its evidence.
+            The fit, with lengths in blocks of its evidence.
         pitch : float
             Distance between neighbouring taxels [m].
         """

@@ -54,8 +54,8 @@ class OutlineFit:
     best : Candidate
         The likeliest candidate in the latest frame. Like the results below, it exists after the first search.
     parameters : np.ndarray
-        Parameters of the outline, in pitches of the evidence. The long side comes first, and the angle is the
-        equivalent angle nearest 0.
+        Parameters of the outline, in pitches and radians. One pitch is the side of a block of the evidence. The long
+        side comes first, and the angle is the equivalent angle nearest 0.
     covariance : np.ndarray
         Covariance of ``parameters``.
     handedness : int
@@ -85,7 +85,7 @@ class OutlineFit:
         evidence : Evidence
             Taxels to which the outline is fitted.
         layer : Layer or None
-            Layer of a calibrated skin, with lengths in pitches of the evidence, or None if the layer is unknown.
+            Layer of a calibrated skin, with lengths in pitches, or None if the layer is unknown.
         stamp : float
             Acquisition time of the frame [s].
         """
@@ -101,15 +101,15 @@ class OutlineFit:
         evidence : Evidence
             Taxels to which the outline is fitted.
         layer : Layer or None
-            Layer of a calibrated skin, with lengths in pitches of the evidence, or None if the layer is unknown.
+            Layer of a calibrated skin, with lengths in pitches, or None if the layer is unknown.
         """
         candidates = self._coarse_candidates(evidence, layer)
         weights = min(candidates, key=_misfit).new_weights()
         candidates = [candidate.weighted(weights).with_likely_peak() for candidate in candidates]
         within = min(map(_misfit, candidates)) + HOPELESS_MISFIT
         candidates = sorted((each.fine() for each in candidates if each.misfit < within), key=_misfit)
-        self.best = self._searched = candidates[0]
         self._conclude(evidence, candidates)
+        self.best = self._searched = candidates[0]
 
     def follow(self, evidence: Evidence) -> bool:
         """Follow the outline from the previous frame, or return False if a new search is needed.
@@ -124,8 +124,8 @@ class OutlineFit:
         found = self.best.followed(evidence)
         if found is None or found.residual > WORSE_RATIO * max(self._searched.residual, LEAST_RESIDUAL):
             return False
-        self.best = found
-        self.parameters, covariance, self.handedness = found.estimate()
+        parameters, covariance, handedness = found.estimate()
+        self.best, self.parameters, self.handedness = found, parameters, handedness
         self.covariance = covariance + self._others
         return True
 
