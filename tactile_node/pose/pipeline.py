@@ -5,8 +5,7 @@ processor node runs the first half (`ContactPipeline.find`), and the classifier 
 (`ContactPipeline.recognise`).
 """
 
-from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,8 +30,10 @@ DEFAULT_FUSION = FusionSettings()
 SURE = 0.9  #: Smallest confidence with which a recognition is reused for later frames with the same pressed taxels.
 
 
-#: A function that converts readings into pressures.
-Curve: TypeAlias = Callable[[np.ndarray], np.ndarray]
+class Curve(Protocol):
+    """A function that converts readings into pressures."""
+
+    def __call__(self, values: np.ndarray) -> np.ndarray: ...
 
 
 class Taxels(NamedTuple):
