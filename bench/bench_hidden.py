@@ -6,8 +6,8 @@ The first table covers contacts of 12-100 taxels at random positions, as nominal
 as on/off patterns. Each case has 600 contacts, or 2000 contacts if taxels are dead. Taxels are hidden because they are
 dead, or because a TPDO with 8 taxels of one row is lost. The lost TPDOs are scattered over the contact, or they hide
 adjacent rows that are 8 columns or the whole pad wide. The recogniser runs once on the visible taxels alone, and once
-on several completions of the hidden taxels (`shape/completion.py`). The weights of the completions were chosen with
-validation seeds.
+on several completions of the hidden taxels (`completions` in `shape/methods.py`). The weights of the completions were
+chosen with validation seeds.
 
 The second table covers whole sessions with contacts of 40-100 taxels on a 16x16 pad with 32 TPDOs. Some of the 32 TPDOs
 never arrive. The second table compares single frames with ten fused frames, both with default settings. The third table

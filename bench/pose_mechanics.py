@@ -15,9 +15,9 @@ from bench.recognition.figures import rate_of
 from tactile_node import find_contact
 from tactile_node.learning.response import SkinResponse
 from tactile_node.pose.evidence import gather
-from tactile_node.pose.fit import Part, ShapeFit, fit_shape, in_metres
+from tactile_node.pose.fit import ShapeFit, fit_shape
+from tactile_node.pose.outline_fit import OutlineFit
 from tactile_node.pose.outlines import OUTLINES
-from tactile_node.pose.search import search
 from tactile_node.shape.recognition import Shape
 from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution
@@ -76,8 +76,9 @@ class Row(NamedTuple):
 
 def outlined(solution: Solution) -> Outlined:
     """Return the shape that covers the contact set best. An on/off fit is accurate, because the cells are small."""
-    part = Part(gather(solution.contact, solution.contact))
-    fit = in_metres(search(part.evidence, Shape(solution.label)), part, solution.cell)
+    outline = OutlineFit(Shape(solution.label))
+    outline.search(gather(solution.contact, solution.contact, size=1))
+    fit = ShapeFit.of(outline, solution.cell)
     parameters = fit.parameters.copy()
     parameters[:2] += solution.origin
     return Outlined(parameters, fit.handedness)

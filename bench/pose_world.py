@@ -7,7 +7,7 @@ from scipy import spatial
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.pose.first_guess import guesses, moments_of
+from tactile_node.pose.candidate import first_guesses
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.outlines import OUTLINES
 from tactile_node.shape.recognition import Shape
@@ -84,11 +84,12 @@ def error_from(parameters: np.ndarray, symmetry: int, true: np.ndarray, count: i
 
 
 def by_moments(sample: Sample) -> np.ndarray:
-    """Return the parameters from `pose.first_guess`, which uses closed forms of moments up to the fourth."""
+    """Return the parameters from `first_guesses`, which uses closed forms of moments up to the fourth."""
     values = np.where(sample.mask & np.isfinite(sample.values), sample.values, 0).astype(float)
     rows, cols = np.nonzero(values > 0)
     shape = Shape(sample.contact.shape)
-    return guesses(shape, moments_of(cols, rows, values[rows, cols]), 0.0)[0].parameters
+    parameters, _ = first_guesses(shape, cols, rows, values[rows, cols], 0.0)[0]
+    return parameters
 
 
 def by_rectangle(sample: Sample) -> np.ndarray:

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import dblquad
 
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.pose.evidence import BLOCKS_AROUND, MOST_BLOCKS, in_blocks, size_of
 from tactile_node.pose.fit import fit_shape
-from tactile_node.pose.least_squares import BLOCKS_AROUND, MOST_BLOCKS, in_blocks, size_of
 from tactile_node.pose.skin_model import KERNEL_DEPTHS, KERNEL_REACH, kernel, taps_at
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
@@ -25,31 +25,31 @@ def test_blocks_are_means_of_what_is_seen_and_lie_in_the_middle_of_their_taxels(
     # One taxel of block (0, 0) and all taxels of block (1, 1) have no value.
     values[4, 3], values[6:8, 5:7] = np.nan, np.nan
     values[8, 4:6] = np.nan  # One taxel in each of the blocks (2, 0) and (2, 1) has no value.
-    blocks = in_blocks(values, mask, 2)
+    means, of_contact, corner = in_blocks(values, mask, 2)
     # The blocks begin three blocks before the first taxel of the contact, which is (10, 9).
-    assert (blocks.x, blocks.y) == (3.5, 4.5)
-    assert blocks.values.shape == blocks.mask.shape == (11, 9)
-    assert blocks.values[0, 0] == pytest.approx(np.mean([values[4, 4], values[5, 3], values[5, 4]]))
-    assert np.isnan(blocks.values[1, 1]) and np.isfinite(blocks.values[2, :2]).all()
-    assert blocks.values[3, 3] == pytest.approx(values[10:12, 9:11].mean())
-    assert blocks.mask[3:8, 3:5].all() and blocks.mask[3:8, 5].all() and blocks.mask.sum() == 15
+    assert corner == (3.5, 4.5)
+    assert means.shape == of_contact.shape == (11, 9)
+    assert means[0, 0] == pytest.approx(np.mean([values[4, 4], values[5, 3], values[5, 4]]))
+    assert np.isnan(means[1, 1]) and np.isfinite(means[2, :2]).all()
+    assert means[3, 3] == pytest.approx(values[10:12, 9:11].mean())
+    assert of_contact[3:8, 3:5].all() and of_contact[3:8, 5].all() and of_contact.sum() == 15
 
 
 def test_blocks_that_the_edge_of_the_pad_cuts_have_no_value():
     values, mask = np.ones((35, 35)), np.zeros((35, 35), bool)
     mask[2:, 1:] = True
-    blocks = in_blocks(values, mask, 2)
-    assert (blocks.x, blocks.y) == (0.5, 0.5)
-    assert np.isnan(blocks.values[-1]).all() and np.isnan(blocks.values[:, -1]).all()
-    assert np.isfinite(blocks.values[:-1, :-1]).all()
+    means, _, corner = in_blocks(values, mask, 2)
+    assert corner == (0.5, 0.5)
+    assert np.isnan(means[-1]).all() and np.isnan(means[:, -1]).all()
+    assert np.isfinite(means[:-1, :-1]).all()
 
 
 @pytest.mark.parametrize('pad', [64, 256, 1024])
 def test_the_number_of_blocks_in_a_fit_is_limited(pad):
     y, x = np.indices((pad, pad))
     mask = np.hypot(x - pad / 2, y - pad / 2) < 0.45 * pad
-    blocks = in_blocks(mask.astype(float), mask, size_of(mask))
-    assert max(blocks.values.shape) <= MOST_BLOCKS + 2 * BLOCKS_AROUND + 1
+    means, _, _ = in_blocks(mask.astype(float), mask, size_of(mask))
+    assert max(means.shape) <= MOST_BLOCKS + 2 * BLOCKS_AROUND + 1
 
 
 @pytest.mark.parametrize('shape', CLASSES)

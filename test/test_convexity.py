@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tactile_node.contact.pattern import PatternExtractor
-from tactile_node.shape.convexity import is_convex
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Shape
+from tactile_node.shape.support import is_convex
 
 ROWS, COLS = np.mgrid[:28, :40]
 

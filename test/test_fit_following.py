@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from tactile_node import find_contact
-from tactile_node.pose import fit as fitting
-from tactile_node.pose.fit import FitFollower, fit_shape
+from tactile_node.pose.fit import fit_shape
+from tactile_node.pose.outline_fit import SEARCH_PERIOD, OutlineFit
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import Contact, random_contact
@@ -81,7 +81,7 @@ class Followed(NamedTuple):
     inside: np.ndarray
 
 
-def fits_of(shape: str, moments: list[Moment], follower: FitFollower | None) -> Followed:
+def fits_of(shape: str, moments: list[Moment], outlines: dict[Shape, OutlineFit] | None) -> Followed:
     rng, apart, inside = np.random.default_rng(20261125), [], []
     for number, moment in enumerate(moments):
         field, middle = pressed(shape, moment.area)
@@ -90,7 +90,7 @@ def fits_of(shape: str, moments: list[Moment], follower: FitFollower | None) -> 
         if moment.line >= 0:
             frame[moment.line] = np.nan
         contact = find_contact(frame, unit=None)
-        fit = fit_shape(contact.values, contact.mask, Shape(shape), find=follower and follower.at(number * PERIOD))
+        fit = fit_shape(contact.values, contact.mask, Shape(shape), outlines=outlines, stamp=number * PERIOD)
         cos, sin = np.cos(moment.angle), np.sin(moment.angle)
         true = np.array((MIDDLE + moment.x + cos * middle[0] - sin * middle[1],
                          MIDDLE + moment.y + sin * middle[0] + cos * middle[1]))
@@ -112,7 +112,7 @@ PAIRS = [(shape, way) for i, way in enumerate(WAYS) for j, shape in enumerate(PU
 
 @cache
 def both(shape: str, way: str) -> tuple[Followed, Followed]:
-    return fits_of(shape, WAYS[way], None), fits_of(shape, WAYS[way], FitFollower())
+    return fits_of(shape, WAYS[way], None), fits_of(shape, WAYS[way], {})
 
 
 @pytest.mark.slow
@@ -142,23 +142,23 @@ def test_a_following_fit_does_not_lag_behind_a_slide(shape):
 def searches(monkeypatch) -> list[Shape]:
     """Return a list that records the shape of each search."""
     found: list[Shape] = []
-    search = fitting.search
+    search = OutlineFit.search
 
-    def counted(evidence, shape, layer=None):
-        found.append(shape)
-        return search(evidence, shape, layer)
-    monkeypatch.setattr(fitting, 'search', counted)
+    def counted(outline, evidence, layer=None):
+        found.append(outline.shape)
+        search(outline, evidence, layer)
+    monkeypatch.setattr(OutlineFit, 'search', counted)
     return found
 
 
 def test_a_contact_that_rests_is_searched_for_every_half_second(searches):
-    fits_of('square', WAYS['rests'], FitFollower())
-    assert len(searches) == 1 + int(FRAMES * PERIOD / fitting.SEARCH_PERIOD)
+    fits_of('square', WAYS['rests'], {})
+    assert len(searches) == 1 + int(FRAMES * PERIOD / SEARCH_PERIOD)
 
 
 def test_a_contact_that_jumps_is_searched_for_at_once(searches):
     moments = [Moment(), Moment(), Moment(x=5.0), Moment(x=5.0)]
-    followed = fits_of('square', moments, FitFollower())
+    followed = fits_of('square', moments, {})
     assert len(searches) == 2 and apart(followed).max() < 0.1
 
 
@@ -166,40 +166,42 @@ def test_a_contact_that_jumps_is_searched_for_at_once(searches):
 def test_a_punch_that_becomes_a_ball_with_the_same_outline_is_fitted_as_by_a_search(kinds):
     indenters = {'punch': flat_punch(Contact('circle', PUNCHES['circle'], 0.0, 0.0), 0.03, 0.12), 'ball': ball(0.1)}
     fields = [stress_field(solve(indenters[kind], (0.05, 0.03)), 60.0, DEPTH) for kind in kinds]
-    follower, rng = FitFollower(), np.random.default_rng(20261126)
+    outlines, rng = {}, np.random.default_rng(20261126)
     for number in range(20):  # The indenter changes after 10 frames, before the regular search after half a second.
         frame = measured(sample(fields[number // 10], MIDDLE, MIDDLE, 0.4, SIDE, SIDE), 0.4, rng, noise=0.01)
         contact = find_contact(frame, unit=None)
-        searched, followed = (fit_shape(contact.values, contact.mask, Shape.CIRCLE, find=find)
-                              for find in (None, follower.at(number * PERIOD)))
+        searched, followed = (fit_shape(contact.values, contact.mask, Shape.CIRCLE, outlines=each,
+                                        stamp=number * PERIOD)
+                              for each in (None, outlines))
         deviation = np.sqrt(searched.covariance[2, 2])
         assert abs(followed.dimensions[0] - searched.dimensions[0]) < 0.5 * deviation
         assert np.sqrt(followed.covariance[2, 2]) > 0.8 * deviation
 
 
 def test_stamps_that_go_back_begin_again(searches):
-    follower, values = FitFollower(), np.pad(np.ones((4, 4)), 3) * 1e4
+    outlines, values = {}, np.pad(np.ones((4, 4)), 3) * 1e4
     for stamp in (5.0, 5.02, 1.0):
-        fit_shape(values, values > 0, Shape.SQUARE, find=follower.at(stamp))
+        fit_shape(values, values > 0, Shape.SQUARE, outlines=outlines, stamp=stamp)
     assert len(searches) == 2
 
 
 def test_another_contact_begins_again(searches):
-    follower, values = FitFollower(), np.pad(np.ones((4, 4)), 3) * 1e4
+    outlines, values = {}, np.pad(np.ones((4, 4)), 3) * 1e4
     for _ in range(2):
-        fit_shape(values, values > 0, Shape.SQUARE, find=follower.at(0.0))
-        follower.restart()
+        fit_shape(values, values > 0, Shape.SQUARE, outlines=outlines)
+        outlines.clear()
     assert len(searches) == 2
 
 
 @pytest.mark.parametrize('shape', ['square', 'rectangle', 'right_triangle'])
 def test_on_off_taxels_are_followed_as_near(shape):
     contact = Contact(shape, tuple(7 * each for each in PUNCHES[shape][:2]) + PUNCHES[shape][2:], MIDDLE, MIDDLE, 0.4)
-    follower, apart = FitFollower(), []
+    outlines, apart = {}, []
     for number in range(FRAMES):
         moved = replace(contact, x=MIDDLE + 0.1 * number, y=MIDDLE - 0.05 * number)
         pattern = moved.pattern(SIDE, SIDE)
-        fits = [fit_shape(pattern, pattern, Shape(shape), find=find) for find in (None, follower.at(number * PERIOD))]
+        fits = [fit_shape(pattern, pattern, Shape(shape), outlines=each, stamp=number * PERIOD)
+                for each in (None, outlines)]
         apart.append([np.hypot(fit.centre[0] - moved.x, fit.centre[1] - moved.y) for fit in fits])
     searched, followed = np.array(apart).T
     assert np.median(followed) <= np.median(searched) + 0.05 and followed.max() <= searched.max() + 0.2
@@ -211,7 +213,7 @@ def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
     In the first frame, the circle has only ``load`` times the pressure, and the last ``hidden`` rows of the pad have no
     value.
     """
-    rng, follower = np.random.default_rng(number), FitFollower()
+    rng, outlines = np.random.default_rng(number), {}
     contact = random_contact(rng, 'circle', 60.0, SIDE, SIDE)
     for stamp, share in ((0.0, load), (PERIOD, 1.0)):
         frame = pressure_frame(contact, rng, SIDE, SIDE, pressure=share, skin=Skin(noise=0.01, full_scale=1.0))
@@ -220,8 +222,8 @@ def first_press(number: int, load: float, hidden: int) -> tuple[float, float]:
         pressed = find_contact(frame, unit=None)
         if not pressed.mask.any():
             continue
-        followed, searched = (fit_shape(pressed.values, pressed.mask, Shape.CIRCLE, find=find)
-                              for find in (follower.at(stamp), None))
+        followed, searched = (fit_shape(pressed.values, pressed.mask, Shape.CIRCLE, outlines=each, stamp=stamp)
+                              for each in (outlines, None))
     return followed.dimensions[0], searched.dimensions[0]
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.signal import convolve2d
 
-from tactile_node.contact.halo import halo_of
 from tactile_node.contact.pattern import PatternExtractor
+from tactile_node.contact.standing_out import halo_of
 
 EVERYWHERE = np.ones((12, 18), bool)
 BLOCK = np.zeros((12, 18), bool)

@@ -9,7 +9,6 @@ from tactile_node.errors import InputError
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.outlines import OUTLINES, Window, depth_inside, moving_depth, outline_of
 from tactile_node.pose.skin_model import Model, PressureModel
-from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
@@ -142,8 +141,8 @@ def test_solids_and_pose_covariance():
     contact = contacts(1)[2]
     values = pressure_frame(contact, generator(Purpose.TEST, 1), 20, 20)
     fit = fit_shape(values, values > 15e3, Shape.RECTANGLE, PITCH)
-    assert solid(fit, 0.01) == ('box', (*fit.dimensions, 0.01))
-    covariance = pose_covariance(fit)
+    assert fit.solid(0.01) == ('box', (*fit.dimensions, 0.01))
+    covariance = fit.pose_covariance
     assert covariance[0, 5] == fit.covariance[0, 2] and covariance[5, 5] == fit.covariance[2, 2]
     assert not covariance[2:5].any()
 
@@ -152,7 +151,7 @@ def test_solids_and_pose_covariance():
 def test_a_prism_is_closed_and_has_the_volume_of_its_base(contact):
     values = pressure_frame(contact, generator(Purpose.TEST, 1), 20, 20)
     fit = fit_shape(values, values > 15e3, Shape(contact.shape))
-    vertices, triangles = prism(fit, 3.0)
+    vertices, triangles = fit.prism(3.0)
     corners = vertices[triangles]
     volume = np.einsum('ij,ij->i', corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
     x, y = fit.outline.T

@@ -11,9 +11,8 @@ from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
-from tactile_node.shape.completion import completions
 from tactile_node.shape.invariants import describe_all
-from tactile_node.shape.methods import METHODS, make_recogniser
+from tactile_node.shape.methods import METHODS, completions, make_recogniser
 from tactile_node.shape.network import Network
 from tactile_node.shape.patch import SIDE, join_pieces, joined, make_patch
 from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser

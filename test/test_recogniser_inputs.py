@@ -5,8 +5,7 @@ import pytest
 
 from tactile_node import Recogniser, find_contact
 from tactile_node.contact.pattern import of_contact
-from tactile_node.shape.invariants import describe_all
-from tactile_node.shape.likeness import COUNT
+from tactile_node.shape.invariants import LIKENESS_COUNT, describe_all
 from tactile_node.shape.patch import SIDE, joined
 from tactile_node.shape.recognition import Shape, UnknownReason
 from tactile_node.simulator.figures import coverage
@@ -58,7 +57,7 @@ ALSO = {'square': ('rectangle',)}  #: Other figures that can also cover a shape 
 
 def numbers_of(levels: np.ndarray) -> np.ndarray:
     """Return the recogniser's inputs for the covered fractions (K, SIDE, SIDE)."""
-    return describe_all(levels, np.zeros(levels.shape), np.ones(len(levels)))[:, -COUNT:]
+    return describe_all(levels, np.zeros(levels.shape), np.ones(len(levels)))[:, -LIKENESS_COUNT:]
 
 
 @pytest.mark.parametrize('shape', CLASSES)

@@ -29,7 +29,7 @@ def flat(row, col, rows, cols, blur=0.6):
 
 
 def found(values, threshold=FLOOR, before=NOWHERE):
-    return standing_out(values, np.isfinite(values), threshold, before).pressed
+    return standing_out(values, np.isfinite(values), threshold, before)[0]
 
 
 def far_from_the_edge(row, col, rows, cols, by):

@@ -8,8 +8,7 @@ import pytest
 from scipy import ndimage
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
-from tactile_node.shape.methods import make_recogniser
-from tactile_node.shape.reasons import why_unfamiliar
+from tactile_node.shape.methods import make_recogniser, why_unfamiliar
 from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
 from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, low_outline
 

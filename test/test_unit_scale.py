@@ -8,7 +8,7 @@ import pytest
 
 import tactile_node as tn
 from tactile_node.cli.main import main
-from tactile_node.contact.scale import UnitScale
+from tactile_node.contact.unit_scale import UnitScale
 
 RNG = np.random.default_rng(27)
 PRESSED = np.pad(np.ones((7, 7)), 5)

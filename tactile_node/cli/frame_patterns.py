@@ -12,7 +12,7 @@ from tactile_node.cli.progress import show_progress
 from tactile_node.cli.records import KNOWN_COLUMNS, Record, flatten, prints, write_records
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, PressThresholds
-from tactile_node.contact.scale import UnitScale
+from tactile_node.contact.unit_scale import UnitScale
 from tactile_node.errors import InputError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.library.contacts import check_values

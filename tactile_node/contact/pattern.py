@@ -13,7 +13,7 @@ from tactile_node.contact.left_over import LeftOver
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown, pad_seen
 from tactile_node.contact.noise_floor import NoiseFloor
 from tactile_node.contact.press import PressThresholds, are_on_off
-from tactile_node.contact.standing_out import NOISE_SPREADS, StandingOut, Threshold, standing_out
+from tactile_node.contact.standing_out import NOISE_SPREADS, Threshold, standing_out
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO, read_only
 
@@ -219,7 +219,9 @@ class PatternExtractor:
             least = LEAST_COUNTS if self._is_free and _are_counts(values[valid]) else self._least
             own = self._floor.of_frame
             highest = own.level + NOISE_SPREADS * own.deviation if own.is_known else -np.inf
-            pressed, halo = self._standing_out(values, valid, Threshold(level, noise, least, highest))
+            before = self._before(values.shape)
+            pressed, halo = standing_out(values, valid, Threshold(level, noise, least, highest), before)
+            self._pressed = pressed | before & ~valid
         self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(pressed.any()))
         return _Found(pressed, noise if np.count_nonzero(noise) else unknown, level if self._is_free else 0.0, halo)
 
@@ -234,12 +236,6 @@ class PatternExtractor:
         pressed |= valid & (values >= press)
         self._pressed = pressed
         return pressed.copy()
-
-    def _standing_out(self, values: np.ndarray, valid: np.ndarray, threshold: Threshold) -> StandingOut:
-        before = self._before(values.shape)
-        found = standing_out(values, valid, threshold, before)
-        self._pressed = found.pressed | before & ~valid
-        return found
 
     def _before(self, shape: tuple[int, ...]) -> np.ndarray:
         before = self._pressed

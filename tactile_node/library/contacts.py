@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor, as_frame
 from tactile_node.contact.press import PressThresholds
-from tactile_node.contact.scale import UnitScale
+from tactile_node.contact.unit_scale import UnitScale
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.learning.response import SkinResponse, load_response

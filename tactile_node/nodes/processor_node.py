@@ -8,7 +8,7 @@ from typing import Any
 
 from tactile_node.chain import Step
 from tactile_node.contact.press import PressThresholds
-from tactile_node.contact.scale import UnitScale
+from tactile_node.contact.unit_scale import UnitScale
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role

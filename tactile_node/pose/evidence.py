@@ -1,6 +1,7 @@
 """Select the taxels to which an outline is fitted.
 
-The selection contains the contact and the taxels around it, except holes and invalid taxels.
+The selection contains the contact and the taxels around it, except holes and invalid taxels. A wide contact is first
+divided into blocks of taxels, so that the time of a fit is limited.
 """
 
 from typing import NamedTuple
@@ -13,12 +14,16 @@ from tactile_node.errors import InputError
 from tactile_node.pose.outlines import Window
 
 WINDOW_MARGIN = 2  #: Number of taxels by which the window extends beyond the contact on each side.
+MOST_BLOCKS = 32   #: Largest number of blocks across a contact.
+BLOCKS_AROUND = 3  #: Number of additional blocks to fit on each side of the contact.
+LEAST_SEEN = 0.5   #: Smallest share of valid taxels for which a block has a value.
 
 
 class Evidence(NamedTuple):
     """The part of a frame that a fit uses.
 
-    ``values`` and ``used`` are flattened row by row.
+    The window, ``values``, ``used`` and ``solid`` count blocks of ``size`` x ``size`` taxels. For most contacts, a
+    block is a single taxel. ``values`` and ``used`` are flattened row by row.
     """
 
     window: Window
@@ -28,6 +33,9 @@ class Evidence(NamedTuple):
     level: float        #: typical value of a taxel in the contact, in the unit of the frame
     on_off: bool        #: True if all values are 0 or 1
     at_edge: bool       #: True if the contact touches the pad's edge and may continue beyond it
+    size: int           #: side length of a block [taxels]
+    x: float            #: column at the centre of block (0, 0) [taxels]
+    y: float            #: row at the centre of block (0, 0) [taxels]
 
     @property
     def strength(self) -> float:
@@ -38,7 +46,7 @@ class Evidence(NamedTuple):
         return self.level * int(np.count_nonzero(self.used))
 
 
-def gather(values: np.ndarray, mask: np.ndarray, at_edge: bool | None = None) -> Evidence:
+def gather(values: np.ndarray, mask: np.ndarray, size: int | None = None) -> Evidence:
     """Return the evidence for fitting an outline to a contact.
 
     Parameters
@@ -48,16 +56,26 @@ def gather(values: np.ndarray, mask: np.ndarray, at_edge: bool | None = None) ->
         an on/off pattern.
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
-    at_edge : bool or None
-        True if the contact touches the pad's edge, or None to derive this from ``mask``.
+    size : int or None
+        Side length of a block [taxels], or None to choose it by the extent of the contact (`size_of`).
 
     Raises
     ------
     InputError
         Raised if the arrays have different shapes or are not real numbers, or if the mask is empty.
     """
-    values, mask = checked(values, mask)
-    window, at_edge = _window(mask), touches_edge(mask) if at_edge is None else at_edge
+    values, mask = _checked(values, mask)
+    at_edge = touches_edge(mask)
+    size = size_of(mask) if size is None else size
+    x = y = 0.0
+    if size > 1:
+        blocks, of_contact, corner = in_blocks(values, mask, size)
+        if of_contact.any():
+            values, mask = blocks, of_contact
+            x, y = corner
+        else:  # a single line of taxels never fills half of a block
+            size = 1
+    window = _window(mask)
     values, mask = _seen_through(window, values, np.nan), _seen_through(window, mask, False)
     valid = np.isfinite(values)
     values = np.where(valid, values, 0.0)
@@ -73,10 +91,52 @@ def gather(values: np.ndarray, mask: np.ndarray, at_edge: bool | None = None) ->
     if hole is not None:
         solid[hole] = 1.0
     return Evidence(window=window, values=values.reshape(-1), used=used.reshape(-1), solid=np.maximum(solid, 0),
-                    level=level, on_off=on_off, at_edge=at_edge)
+                    level=level, on_off=on_off, at_edge=at_edge, size=size, x=x, y=y)
 
 
-def checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def size_of(mask: np.ndarray) -> int:
+    """Return the side length of the blocks for fitting the contact ``mask`` [taxels]; it is 1 for most contacts.
+
+    >>> size_of(np.ones((8, 8), bool)), size_of(np.ones((64, 10), bool))
+    (1, 2)
+    """
+    rows, cols = box_of(mask)
+    return int(-(-max(rows.stop - rows.start, cols.stop - cols.start) // MOST_BLOCKS))
+
+
+def in_blocks(values: np.ndarray, mask: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+    """Reduce a contact and its surroundings to blocks of ``size`` x ``size`` taxels.
+
+    Returns
+    -------
+    values : np.ndarray
+        Mean of each block, (rows, cols). A block is NaN if too few of its taxels are valid, or if the pad's edge cuts
+        it off.
+    mask : np.ndarray
+        Blocks of the contact, bool (rows, cols).
+    corner : tuple of float
+        Column and row at the centre of block (0, 0) [taxels].
+    """
+    part, missing, corner = [], [], []
+    for used, length in zip(box_of(mask), mask.shape):
+        first, last = max(used.start - BLOCKS_AROUND * size, 0), min(used.stop + BLOCKS_AROUND * size, length)
+        stop = first - (first - last) // size * size
+        part.append(slice(first, stop))
+        missing.append((0, max(stop - length, 0)))
+        corner.append(first + (size - 1) / 2)
+
+    def blocks(taxels: np.ndarray, beyond: float) -> np.ndarray:
+        padded = np.pad(taxels[tuple(part)], missing, constant_values=beyond)
+        return padded.reshape(padded.shape[0] // size, size, -1, size)
+    window, is_cut = blocks(values, np.nan), blocks(np.zeros(mask.shape, bool), True).any((1, 3))
+    valid = np.isfinite(window)
+    seen = valid.sum((1, 3))
+    means = np.where(valid, window, 0).sum((1, 3)) / np.maximum(seen, 1)
+    means[is_cut | (seen < LEAST_SEEN * size ** 2)] = np.nan
+    return means, blocks(mask, False).mean((1, 3)) >= 0.5, (corner[1], corner[0])
+
+
+def _checked(values: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the values of a frame as floats and the contact mask as booleans.
 
     Raises
@@ -139,4 +199,3 @@ def holes(mask: np.ndarray) -> np.ndarray | None:
         return None
     labels, count = ndimage.label(np.pad(~mask, 1, constant_values=True))
     return labels[1:-1, 1:-1] > 1 if count > 1 else None
-

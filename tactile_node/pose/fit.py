@@ -1,28 +1,20 @@
 """Find the pose and size of a contact of known shape by a least-squares fit of its outline to the taxel values."""
 
-from collections.abc import Callable
-from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.contact.neighbours import touches_edge
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.press import are_on_off
 from tactile_node.contact.visibility import Visibility, visibility_of
-from tactile_node.pose.candidate import loading_of
-from tactile_node.pose.evidence import Evidence, checked, gather
-from tactile_node.pose.least_squares import in_blocks, size_of
+from tactile_node.pose.evidence import gather
 from tactile_node.pose.moments import check_pitch
+from tactile_node.pose.outline_fit import OutlineFit
 from tactile_node.pose.outlines import OUTLINES, outline_of, rotation
 from tactile_node.pose.profiles import Indenter, Layer, check_layer
 from tactile_node.pose.rim import Rim, is_cut, reach, rim_of
-from tactile_node.pose.search import Found, follow, search
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_node.taxel_frame import read_only
-
-SEARCH_PERIOD = 0.5   #: Interval at which the outline of a lasting contact is searched for again [s].
-SEARCH_GROWTH = 1.25  #: Growth factor of the evidence after which the outline is searched for again.
 
 
 class ShapeFit(NamedTuple):
@@ -64,28 +56,95 @@ class ShapeFit(NamedTuple):
         """Values of the parameters in ``parameter_names``."""
         return np.array((*self.centre, *((self.angle,) if self.symmetry else ()), *self.dimensions))
 
+    @classmethod
+    def of(cls, found: OutlineFit, pitch: float) -> 'ShapeFit':
+        """Convert the results of an outline fit to metres.
 
-class Part(NamedTuple):
-    """The part of a frame to which an outline is fitted.
+        Parameters
+        ----------
+        found : OutlineFit
+            The fit, with lengths in blocks of its evidence.
+        pitch : float
+            Distance between neighbouring taxels [m].
+        """
+        shape, evidence, loading, outline = found.shape, found.best.evidence, found.best.loading, OUTLINES[found.shape]
+        pitch *= evidence.size
+        scale = np.array([1.0 if name == 'angle' else pitch for name in outline.parameters])
+        origin = np.array((evidence.x, evidence.y)) / evidence.size
+        corners = outline_of(shape, found.handedness).corners(found.parameters)
+        centre, angle, dimensions = outline.split(found.parameters * scale)
+        return cls(shape=shape, centre=tuple((centre + origin * pitch).tolist()), angle=angle,
+                   symmetry=found.symmetry, handedness=found.handedness if shape is Shape.RIGHT_TRIANGLE else 0,
+                   dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
+                   is_bound=(False,) * len(dimensions),
+                   covariance=read_only(found.covariance * (scale * scale[:, np.newaxis])),
+                   residual=found.best.residual, outline=read_only((corners + origin) * pitch),
+                   indenter=loading.indenter if loading else None, peak=loading.peak if loading else np.nan,
+                   depth=loading.depth * pitch if loading else np.nan)
 
-    A wide contact is divided into blocks of several taxels.
-    """
+    @property
+    def pose_covariance(self) -> np.ndarray:
+        """Covariance of the pose, (6, 6), in the order of geometry_msgs/PoseWithCovariance.
 
-    evidence: Evidence
-    size: int = 1   #: side length of a block [taxels]
-    x: float = 0.0  #: column at the centre of block (0, 0) [taxels]
-    y: float = 0.0  #: row at the centre of block (0, 0) [taxels]
+        The order is x, y, z, then the rotations about x, y and z. The contact lies in the pad's plane, so the variances
+        of z and of the rotations about x and y are 0. The angle of a circle is undefined, so its variance is π²/3, as
+        for a uniform distribution.
+        """
+        covariance = np.zeros((6, 6))
+        kept = [0, 1, 5] if self.symmetry else [0, 1]
+        covariance[np.ix_(kept, kept)] = self.covariance[:len(kept), :len(kept)]
+        if not self.symmetry:
+            covariance[5, 5] = np.pi**2 / 3
+        return covariance
 
+    def solid(self, height: float) -> tuple[str, tuple[float, ...]] | None:
+        """Return the primitive that stands on the contact, or None for a triangle (use `prism`).
 
-#: Function that finds the outline of a shape in a part of a frame. The layer's lengths are in units of one block.
-Finder: TypeAlias = Callable[[Part, Shape, Layer | None], Found]
+        Parameters
+        ----------
+        height : float
+            Height of the primitive [m].
+
+        Returns
+        -------
+        tuple or None
+            'box' with (x, y, z), or 'cylinder' with (height, radius), in the frame of the fit's pose. The lengths are
+            in the order of shape_msgs/SolidPrimitive [m].
+        """
+        if self.shape is Shape.CIRCLE:
+            return 'cylinder', (height, self.dimensions[0])
+        if self.shape in (Shape.SQUARE, Shape.RECTANGLE):
+            return 'box', (self.dimensions[0], self.dimensions[-1], height)
+        return None
+
+    def prism(self, height: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the vertices and triangles of a closed mesh that stands on the contact.
+
+        Parameters
+        ----------
+        height : float
+            Height of the mesh [m].
+
+        Returns
+        -------
+        vertices : np.ndarray
+            Coordinates of the vertices in the pad frame, (2n, 3) [m], with z from 0 to ``height``.
+        triangles : np.ndarray
+            Indices of the vertices of each triangle, (4n - 4, 3), counter-clockwise as seen from outside.
+        """
+        count = len(self.outline)
+        base = np.column_stack((self.outline, np.zeros(count)))
+        fan = np.array([(0, i, i + 1) for i in range(1, count - 1)])
+        i = np.arange(count)
+        j = (i + 1) % count
+        sides = np.concatenate((np.column_stack((i, j, j + count)), np.column_stack((i, j + count, i + count))))
+        return np.concatenate((base, base + (0, 0, height))), np.concatenate((fan[:, ::-1], fan + count, sides))
 
 
 def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: float = 1.0,
-              layer: Layer | None = None, find: Finder | None = None) -> ShapeFit | None:
+              layer: Layer | None = None, outlines: dict[Shape, OutlineFit] | None = None,
+              stamp: float = 0.0) -> ShapeFit | None:
     """Fit the outline of a shape to a contact.
-
-    A wide contact is divided into blocks of taxels before the fit.
 
     Parameters
     ----------
@@ -100,8 +159,11 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
         Distance between neighbouring taxels [m].
     layer : Layer or None
         Layer of a calibrated skin, or None if the layer is unknown.
-    find : Finder or None
-        Finder of a `FitFollower`, or None to search in this frame alone.
+    outlines : dict[Shape, OutlineFit] or None
+        Fits to earlier frames of the contact, which the function continues and extends, or None to search in this frame
+        alone.
+    stamp : float
+        Acquisition time of the frame [s], used only with ``outlines``.
 
     Returns
     -------
@@ -126,85 +188,13 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
         check_layer(layer, pitch)
     if isinstance(shape, TaughtShape) or shape not in OUTLINES:
         return None
-    part = _part(*checked(values, mask))
-    in_pitches = layer._replace(depth=layer.depth / (pitch * part.size)) if layer else None
-    found = find(part, Shape(shape), in_pitches) if find else search(part.evidence, Shape(shape), in_pitches)
-    return in_metres(found, part, pitch)
-
-
-def _part(values: np.ndarray, mask: np.ndarray) -> Part:
-    size = size_of(mask)
-    blocks = in_blocks(values, mask, size) if size > 1 else None
-    if blocks is None or not blocks.mask.any():  # a single line of taxels never fills half of a block
-        return Part(gather(values, mask))
-    return Part(gather(blocks.values, blocks.mask, touches_edge(mask)), size, blocks.x, blocks.y)
-
-
-class FitFollower:
-    """Fits a contact from frame to frame, starting from the outline in the previous frame.
-
-    Following an outline takes a quarter of the time that a search takes. The follower searches again in these cases:
-
-    - in the first frame,
-    - every SEARCH_PERIOD, because a dome or another corner may have become more likely,
-    - if following the outline leads to a worse fit,
-    - if the evidence has grown by SEARCH_GROWTH. A contact under light pressure, or seen only in part, may look like a
-      dome, whose outline is larger.
-    """
-
-    def __init__(self) -> None:
-        # outline, with the part of the frame and the stamp of its last search
-        self._before: dict[Shape, tuple[Found, Part, float]] = {}
-
-    def restart(self) -> None:
-        """Start a new search in the next frame, because a new contact begins."""
-        self._before.clear()
-
-    def at(self, stamp: float) -> Finder:
-        """Return the finder for the next frame, which was acquired at ``stamp`` [s]."""
-        return partial(self._find, stamp)
-
-    def _find(self, stamp: float, part: Part, shape: Shape, layer: Layer | None) -> Found:
-        found = None
-        if shape in self._before:
-            before, its_part, searched = self._before[shape]
-            is_clearer = part.evidence.strength > SEARCH_GROWTH * its_part.evidence.strength
-            if its_part[1:] == part[1:] and 0 <= stamp - searched < SEARCH_PERIOD and not is_clearer:
-                found = follow(part.evidence, before)
-        if found is None:
-            found, its_part, searched = search(part.evidence, shape, layer), part, stamp
-        self._before[shape] = found, its_part, searched
-        return found
-
-
-def in_metres(found: Found, part: Part, pitch: float) -> ShapeFit:
-    """Convert an outline found in one part of a frame to a fit in the pad frame.
-
-    Parameters
-    ----------
-    found : Found
-        Outline in the part, with lengths in units of one block.
-    part : Part
-        The fitted part of the frame.
-    pitch : float
-        Distance between neighbouring taxels [m].
-    """
-    shape, estimate, pitch = found.shape, found.estimate, pitch * part.size
-    outline = outline_of(shape, estimate.handedness)
-    scale = np.array([1.0 if name == 'angle' else pitch for name in outline.parameters])
-    origin = np.array((part.x, part.y)) / part.size
-    corners = (outline.corners(estimate.parameters) + origin) * pitch
-    covariance = estimate.covariance * (scale * scale[:, np.newaxis])
-    corners.flags.writeable = covariance.flags.writeable = False
-    centre, angle, dimensions = outline.split(estimate.parameters * scale)
-    handedness = estimate.handedness if shape is Shape.RIGHT_TRIANGLE else 0
-    loading = loading_of(found.candidate)
-    return ShapeFit(shape=shape, centre=tuple((centre + origin * pitch).tolist()), angle=angle,
-                    symmetry=estimate.symmetry, handedness=handedness, dimension_names=outline.dimensions,
-                    dimensions=tuple(dimensions.tolist()), is_bound=(False,) * len(dimensions), covariance=covariance,
-                    residual=found.residual, outline=corners,
-                    indenter=loading.indenter if loading else None, peak=loading.peak if loading else np.nan,
-                    depth=loading.depth * pitch if loading else np.nan)
+    evidence = gather(values, mask)
+    if layer is not None:
+        layer = layer._replace(depth=layer.depth / (pitch * evidence.size))
+    outlines, shape = {} if outlines is None else outlines, Shape(shape)
+    outline = outlines.setdefault(shape, OutlineFit(shape))
+    outline.estimate(evidence, layer, stamp)
+    return ShapeFit.of(outline, pitch)
 
 
 #: Shapes with axes that run from one side to the opposite side, so that a length can be a bound. A triangle is
@@ -213,7 +203,8 @@ UPRIGHT_SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
 
 
 def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, layer: Layer | None = None,
-                visibility: Visibility | None = None, find: Finder | None = None) -> ShapeFit | None:
+                visibility: Visibility | None = None, outlines: dict[Shape, OutlineFit] | None = None,
+                stamp: float = 0.0) -> ShapeFit | None:
     """Fit a shape to the contact of a pattern, as `fit_shape` does, and mark the lengths that are only bounds.
 
     If part of a circle, a square or a rectangle is unseen, the fit contains the visible length and marks it as a bound.
@@ -231,11 +222,14 @@ def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, 
         Layer of a calibrated skin, or None if the layer is unknown.
     visibility : Visibility or None
         Visibility of the pattern, or None to compute it from the pattern.
-    find : Finder or None
-        Finder of a `FitFollower`, or None to search in this frame alone.
+    outlines : dict[Shape, OutlineFit] or None
+        Fits to earlier frames of the contact, which the function continues and extends, or None to search in this frame
+        alone.
+    stamp : float
+        Acquisition time of the frame [s], used only with ``outlines``.
     """
     taxels = pattern.mask if are_on_off(pattern.values) else pattern.values
-    fit = fit_shape(taxels, pattern.mask, shape, pitch, layer, find)
+    fit = fit_shape(taxels, pattern.mask, shape, pitch, layer, outlines, stamp)
     if fit is None or fit.shape not in UPRIGHT_SHAPES:
         return fit
     visibility = visibility or visibility_of(pattern)

@@ -12,10 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.pose.evidence import Evidence, upper_median
-from tactile_node.pose.least_squares import LEAST_DIMENSION
-from tactile_node.pose.outlines import Outline, outline_of, rotation
+from tactile_node.pose.outlines import LEAST_DIMENSION, Outline, outline_of, rotation
 from tactile_node.pose.profiles import Indenter
-from tactile_node.pose.skin_model import Prediction
 from tactile_node.shape.recognition import Shape
 
 MOST_PEAK = 1.2       #: Upper limit applied to the peak of a punch.
@@ -196,7 +194,7 @@ NOISE_SCALES = {
 }
 
 
-def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> np.ndarray:
+def weights_after(shape: Shape, evidence: Evidence, fitted: np.ndarray, at_rim: np.ndarray) -> np.ndarray:
     """Return the weight of each taxel value after a first fit.
 
     The weight is 1 / variance, reduced for outliers. Unused taxels have the weight 0.
@@ -205,20 +203,22 @@ def weights_after(shape: Shape, prediction: Prediction, evidence: Evidence) -> n
     ----------
     shape : Shape
         Shape of the outline.
-    prediction : Prediction
-        Taxel values that the first fit predicts.
     evidence : Evidence
         Taxels to which the outline was fitted.
+    fitted : np.ndarray
+        Taxel values that the first fit predicts, (taxels,).
+    at_rim : np.ndarray
+        Sensitivity of each value to the position of the outline (`Prediction.rim`), (taxels,).
     """
     if evidence.on_off:
-        return evidence.used / (prediction.rim + PATTERN_NOISE)
-    residual, at_rim = np.abs(evidence.values - prediction.values), prediction.rim > FELT_RIM
-    flat = residual[evidence.used & ~at_rim]
+        return evidence.used / (at_rim + PATTERN_NOISE)
+    residual, is_rim = np.abs(evidence.values - fitted), at_rim > FELT_RIM
+    flat = residual[evidence.used & ~is_rim]
     noise = max(SMALLEST_NOISE, TO_DEVIATION * upper_median(flat)) ** 2
-    rim = residual[evidence.used & at_rim]
+    rim = residual[evidence.used & is_rim]
     own = max(rim @ rim - noise * rim.size, 0.0)
     rim_noise = (RIM_COUNT * NOISE_SCALES[shape].rim**2 + own) / (RIM_COUNT + rim.size)
-    variance = noise + rim_noise * np.minimum(prediction.rim, 1)
+    variance = noise + rim_noise * np.minimum(at_rim, 1)
     trusted = np.minimum(1, OUTLIER_SPREADS * np.sqrt(variance) / np.maximum(residual, 1e-12))
     return evidence.used / variance * trusted
 

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-CIRCLE_CORNERS = 32  #: Number of corners of the polygon that replaces a circle of equal area.
+CIRCLE_CORNERS = 32    #: Number of corners of the polygon that replaces a circle of equal area.
+LEAST_DIMENSION = 0.3  #: Smallest value of a fitted dimension [pitches].
 
 
 class Outline(NamedTuple):

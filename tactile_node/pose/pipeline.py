@@ -15,9 +15,10 @@ from tactile_node.contact.press import SMALLEST_CONTACT, PressThresholds
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.events import Motion
-from tactile_node.pose.fit import Finder, FitFollower, ShapeFit, fit_contact
+from tactile_node.pose.fit import ShapeFit, fit_contact
 from tactile_node.pose.moments import ContactMoments, PadForce, contact_moments, pad_force
 from tactile_node.pose.motion import MotionFollower, Sight
+from tactile_node.pose.outline_fit import OutlineFit
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.fusion import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
@@ -70,20 +71,23 @@ class FoundContact(NamedTuple):
         seen = self.of(pattern, self.taxels, self.smallest_contact).visibility
         return self._replace(pattern=pattern, visibility=seen._replace(pad_seen=self.visibility.pad_seen))
 
-    def fit(self, shape: ShapeClass, find: Finder | None = None) -> ShapeFit | None:
+    def fit(self, shape: ShapeClass, outlines: dict[Shape, OutlineFit] | None = None,
+            stamp: float = 0.0) -> ShapeFit | None:
         """Return the pose and size of the contact, or None if there is no contact or the shape has no outline.
 
         Parameters
         ----------
         shape : ShapeClass
             Shape to fit.
-        find : Finder or None
-            Finder of a `FitFollower`, or None to search in this frame alone.
+        outlines : dict[Shape, OutlineFit] or None
+            Fits to earlier frames of the contact, as for `fit_contact`.
+        stamp : float
+            Acquisition time of the frame [s], used only with ``outlines``.
         """
         if not self.pattern.mask.any():
             return None
         return fit_contact(self.pattern, shape, self.taxels.pitch, self.taxels.layer, self.visibility,
-                           find)
+                           outlines, stamp)
 
     @property
     def moments(self) -> ContactMoments:
@@ -167,7 +171,7 @@ class ContactPipeline:
         self._correlation_time = 0.0 if fusion is None else fusion.correlation_time
         self._answer: _Answer | None = None  # latest recognition of a frame
         self._fits = fits
-        self._follower = FitFollower()
+        self._outlines: dict[Shape, OutlineFit] = {}  # fits to the present contact
         self._motion = MotionFollower()
 
     def set_contact_limits(self, thresholds: PressThresholds | None, smallest_contact: int) -> None:
@@ -219,10 +223,10 @@ class ContactPipeline:
         found, frame = _with_pieces(found, self._answer.recognition)
         fused = _alone(frame, stamp) if self._fusion is None else self._fusion.update(stamp, frame)
         if fused.frames == 1:
-            self._follower.restart()
+            self._outlines.clear()
         if self._fusion is None:
             return self._described(found, frame, fused)
-        result = self._described(found, frame, fused, self._follower.at(stamp))
+        result = self._described(found, frame, fused, self._outlines, stamp)
         return result._replace(motion=self._motion.update(_sight(result, stamp)))
 
     def follow(self, values: np.ndarray, taxels: Taxels, stamp: float, *, saturated: ArrayLike | None = None,
@@ -269,7 +273,7 @@ class ContactPipeline:
 
         Call this method when you know that the pad touches another object.
         """
-        self._follower.restart()
+        self._outlines.clear()
         self._motion.restart()
         self._answer = None
         if self._fusion is not None:
@@ -282,8 +286,8 @@ class ContactPipeline:
         return self._recogniser
 
     def _described(self, found: FoundContact, frame: Recognition, fused: FusedRecognition,
-                   find: Finder | None = None) -> StreamedContact:
-        fit = found.fit(fused.recognition.shape, find) if self._fits else None
+                   outlines: dict[Shape, OutlineFit] | None = None, stamp: float = 0.0) -> StreamedContact:
+        fit = found.fit(fused.recognition.shape, outlines, stamp) if self._fits else None
         return StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
 
 

@@ -113,7 +113,7 @@ class Layer(NamedTuple):
     deviation: float  #: standard deviation of the logarithm of the depth
 
 
-class _Found(NamedTuple):
+class DepthRatio(NamedTuple):
     """Terms whose sum is the logarithm of the ratio between fitted depth and true depth."""
 
     large: float      #: value for an infinitely large contact
@@ -124,8 +124,12 @@ class _Found(NamedTuple):
 #: A fit of a small contact underestimates the depth. The error grows as the contact gets smaller, because the two
 #: nested outlines are coarser than the pressure at the rim of a punch. The values were measured on contacts simulated
 #: with the training seeds, like the tables in model_error.py.
-_FOUND = {Indenter.FLAT_PUNCH: _Found(0.15, -1.2, 0.14), Indenter.BALL: _Found(0.08, -0.17, 0.35),
-          Indenter.CONE: _Found(0.08, -0.17, 0.35), Indenter.LYING_CYLINDER: _Found(0.18, -0.92, 0.13)}
+DEPTH_RATIOS = {
+    Indenter.FLAT_PUNCH: DepthRatio(0.15, -1.2, 0.14),
+    Indenter.BALL: DepthRatio(0.08, -0.17, 0.35),
+    Indenter.CONE: DepthRatio(0.08, -0.17, 0.35),
+    Indenter.LYING_CYLINDER: DepthRatio(0.18, -0.92, 0.13),
+}
 LEAST_RADIUS = 1.4  #: Inscribed radius below which the depth ratio was not measured [pitches].
 
 # A depth outside these limits was probably given in another unit.
@@ -147,7 +151,7 @@ def expected_log_depth(layer: Layer, profile: Profile, radius: float) -> tuple[f
     radius : float
         Inscribed radius of the contact.
     """
-    found = _FOUND[profile.indenter]
+    found = DEPTH_RATIOS[profile.indenter]
     return float(np.log(layer.depth) + _shift(found, radius)), float(np.hypot(found.deviation, layer.deviation))
 
 
@@ -168,7 +172,7 @@ def log_depth_from(found_depth: float, profile: Profile, radius: float, pitch: f
     pitch : float
         Distance between neighbouring taxels [m].
     """
-    return float(np.log(found_depth) - _shift(_FOUND[profile.indenter], radius / pitch))
+    return float(np.log(found_depth) - _shift(DEPTH_RATIOS[profile.indenter], radius / pitch))
 
 
 def check_layer(layer: Layer, pitch: float | None = None) -> None:
@@ -186,5 +190,5 @@ def check_layer(layer: Layer, pitch: float | None = None) -> None:
                                  remedy='Give pitch and depth in metres.')
 
 
-def _shift(found: _Found, radius: float) -> float:
+def _shift(found: DepthRatio, radius: float) -> float:
     return found.large + found.of_size / max(radius, LEAST_RADIUS)

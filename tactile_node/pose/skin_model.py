@@ -106,9 +106,15 @@ PEAK_KNOWN = 0.08         #: Standard deviation of the peak among objects of one
 class Prediction(NamedTuple):
     """The taxel values that a model predicts."""
 
+    parameters: np.ndarray  #: parameters for which the values are computed
     values: np.ndarray    #: (rows * cols,)
     jacobian: np.ndarray  #: (parameters, rows * cols)
     rim: np.ndarray       #: (rows * cols,), sensitivity of each value to the position of the outline
+
+    def values_near(self, parameters: np.ndarray) -> np.ndarray:
+        """Return the values at nearby ``parameters``, with the model treated as linear."""
+        found: np.ndarray = self.values + (parameters - self.parameters) @ self.jacobian
+        return found
 
 
 class Model:
@@ -137,7 +143,7 @@ class Model:
         depth, change = moving_depth(corners[0], motions[:, 0], self._places)
         inside = expit(depth / self.EDGE)
         rim = inside * (1 - inside)
-        return Prediction(inside, change * (rim / self.EDGE), rim)
+        return Prediction(parameters, inside, change * (rim / self.EDGE), rim)
 
     def starts(self, guess: np.ndarray) -> list[np.ndarray]:
         """Return the starting points of a fit, the likeliest first, from a ``guess`` of the outline's parameters."""
@@ -217,7 +223,7 @@ class PressureModel(Model):
         jacobian[-1] = (deeper_along @ by_cols[:, -1] + along @ (sharp[-1] @ deeper_across)).sum(0)
         jacobian = jacobian.reshape(count, -1)
         rim = np.sqrt(jacobian[0]**2 + jacobian[1]**2)  # change per pitch of displacement
-        return Prediction(values, jacobian, rim)
+        return Prediction(parameters, values, jacobian, rim)
 
     def _kernels(self, log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the kernels along rows (with the sign) and across rows, and the derivatives of both.

@@ -10,7 +10,6 @@ from std_msgs.msg import Header
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import ContactMoments
 from tactile_node.pose.pipeline import FoundContact, StreamedContact
-from tactile_node.pose.solids import pose_covariance, prism, solid
 from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
 from tactile_node.ros.motion_messages import motion_message
 from tactile_node.ros.time_messages import duration_message, seconds
@@ -159,18 +158,18 @@ def _nowhere() -> PoseWithCovariance:
 
 
 def _pose(fit: ShapeFit) -> PoseWithCovariance:
-    message = PoseWithCovariance(covariance=pose_covariance(fit).reshape(-1))
+    message = PoseWithCovariance(covariance=fit.pose_covariance.reshape(-1))
     message.pose.position.x, message.pose.position.y = fit.centre
     message.pose.orientation.z, message.pose.orientation.w = float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
     return message
 
 
 def _add_solid(message: ContactShape, fit: ShapeFit, height: float) -> None:
-    primitive = solid(fit, height)
+    primitive = fit.solid(height)
     if primitive is not None:
         kind, dimensions = primitive
         message.solid = SolidPrimitive(type=SOLIDS[kind], dimensions=dimensions)
         return
-    vertices, triangles = prism(fit, height)
+    vertices, triangles = fit.prism(height)
     message.mesh = Mesh(vertices=[Point(x=x, y=y, z=z) for x, y, z in vertices.tolist()],
                         triangles=[MeshTriangle(vertex_indices=corners) for corners in triangles.astype(np.uint32)])

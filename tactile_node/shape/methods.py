@@ -1,15 +1,24 @@
-"""Provide the recognition methods by name, for nodes and commands."""
+"""Recognise a contact with one of the methods, without mistaking hidden taxels for empty ones.
+
+`make_recogniser` provides the methods by name, for nodes and commands. Each method is applied by a `VisibilityGuard`,
+which creates several readings of a contact with hidden taxels, in which these taxels are empty or pressed. If the
+method reports the same shape for all readings, the hidden taxels do not matter. If the reported shapes differ, the
+shape depends on the hidden taxels and is uncertain.
+"""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from tactile_node.contact.pattern import ContactPattern
+import numpy as np
+from scipy import ndimage
+
+from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown
+from tactile_node.contact.pattern import ContactPattern, in_line, number_contacts
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
-from tactile_node.shape.completion import completions, distinct, hidden_taxels_matter
-from tactile_node.shape.reasons import why_unfamiliar
+from tactile_node.shape.patch import joined
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import (
     DEFAULT_METHOD,
@@ -23,6 +32,7 @@ from tactile_node.shape.recognition import (
 from tactile_node.shape.shapeless import is_shapeless
 from tactile_node.shape.support import as_far_as_supported
 from tactile_node.shape.volf import VolfClassifier
+from tactile_node.taxel_frame import read_only
 
 #: Weights of the original frame and of its three completions. A single completion with a different shape keeps the
 #: confidence below 0.9.
@@ -89,7 +99,7 @@ class VisibilityGuard:
                                        else UnknownReason.UNFAMILIAR)
         if not hidden_taxels_matter(pattern, visibility):
             return self._method.recognise_all([pattern])[0]
-        readings, which = distinct([pattern, *completions(pattern)])
+        readings, which = _distinct([pattern, *completions(pattern)])
         found = self._method.recognise_all(readings)
         if found[0].reason is UnknownReason.TOO_SMALL:
             return Recognition.unknown(UnknownReason.NOT_SEEN)
@@ -120,3 +130,110 @@ def make_recogniser(method: str = DEFAULT_METHOD, file: str = '') -> VisibilityG
         raise ConfigurationError('recognition method', expected='one of ' + ', '.join(METHODS), got=repr(method),
                                  remedy=f'Use {DEFAULT_METHOD!r} unless you want the paper as published.')
     return VisibilityGuard(METHODS[method](config_path(file or METHOD_FILES[method])))
+
+
+#: Up to this share of the ring around a contact, isolated hidden taxels are treated as dead taxels, which change
+#: little.
+SCATTERED_SHARE = 0.1
+
+
+def hidden_taxels_matter(pattern: ContactPattern, visibility: Visibility) -> bool:
+    """Return True if hidden taxels may change the shape of the contact.
+
+    Hidden taxels matter if connected taxels are hidden within the contact or its ring, or if more than SCATTERED_SHARE
+    of the ring is hidden. A few scattered hidden taxels do not matter, because the recogniser was trained with such
+    taxels.
+    """
+    if not visibility.hidden_in_ring and not visibility.hidden_in_contact:
+        return False
+    if visibility.hidden_in_ring > SCATTERED_SHARE * visibility.ring:
+        return True
+    if visibility.largest_hidden == 1:
+        return False
+    labels, _ = ndimage.label(pattern.hidden, EIGHT_CONNECTED)
+    sizes = np.bincount(labels.reshape(-1))
+    return bool((sizes[labels[grown(pattern.mask) & pattern.hidden]] > 1).any())
+
+
+def completions(pattern: ContactPattern) -> tuple[ContactPattern, ContactPattern, ContactPattern]:
+    """Return three readings of a contact with hidden taxels.
+
+    In the first reading, the hidden taxels are empty. In the second reading, the hidden taxels next to the contact are
+    pressed. In the third reading, the contact continues straight on along rows and columns as far as taxels are hidden.
+    A hidden taxel that is read as pressed gets the median value of the contact.
+    """
+    nowhere = np.zeros_like(pattern.hidden)
+    beside = grown(pattern.mask) & pattern.hidden
+    continued = _continued(pattern)
+    pressed_beside = _completed(pattern, beside)
+    as_beside = np.array_equal(continued, beside)
+    return _completed(pattern, nowhere), pressed_beside, pressed_beside if as_beside else _completed(pattern, continued)
+
+
+def _distinct(patterns: Sequence[ContactPattern]) -> tuple[list[ContactPattern], list[int]]:
+    """Remove repeated objects from a list of patterns.
+
+    Parameters
+    ----------
+    patterns : sequence of ContactPattern
+        Patterns, some of which may be the same object.
+
+    Returns
+    -------
+    kept : list of ContactPattern
+        Each pattern object once, in order of first appearance.
+    which : list of int
+        Index in ``kept`` for each of ``patterns``.
+    """
+    indices: dict[int, int] = {}
+    which = [indices.setdefault(id(pattern), len(indices)) for pattern in patterns]
+    return [patterns[which.index(k)] for k in range(len(indices))], which
+
+
+def _completed(pattern: ContactPattern, pressed: np.ndarray) -> ContactPattern:
+    """Return ``pattern`` with the hidden taxels read as pressed or empty.
+
+    The largest piece becomes the contact.
+    """
+    seen = pattern.mask & ~pattern.hidden
+    level = np.median(pattern.values[seen])
+    values = np.where(pattern.hidden, level * pressed, pattern.values)
+    labels, pieces = number_contacts(seen | pressed, np.zeros_like(seen))
+    completed = ContactPattern.of(read_only(labels == 1), read_only(values))
+    return completed._replace(contacts=pattern.contacts + pieces - 1)
+
+
+def _continued(pattern: ContactPattern) -> np.ndarray:
+    """Return the hidden taxels that the contact covers if it continues along rows and columns, without thin spikes."""
+    reached = pattern.mask.copy()
+    for direction in in_line(pattern.mask & ~pattern.hidden, pattern.hidden):
+        reached |= direction
+    wide = ndimage.binary_opening(reached, np.ones((2, 2)))  # a thin spike contains no square of 2x2 taxels
+    return (wide | pattern.mask) & pattern.hidden
+
+
+COVERED_SHARE = 0.6  #: If a contact covers more than this share of the visible taxels, its outline is not visible.
+HOLLOW_TAXELS = 3    #: Smallest number of taxels in a hole. Uneven gains can cause smaller holes.
+
+#: A contact is cut by an edge of the pad if the number of its taxels at that edge exceeds this share of sqrt(taxels).
+CUT_SHARE = 0.5
+
+
+def why_unfamiliar(pattern: ContactPattern) -> UnknownReason:
+    """Return the most obvious reason why a contact has none of the shapes.
+
+    >>> why_unfamiliar(ContactPattern.of(np.eye(4) < 1, np.eye(4)))
+    <UnknownReason.COVERS_PAD: 8>
+    """
+    contact = joined(pattern)
+    taxels = np.count_nonzero(contact)
+    seen = ~(pattern.hidden | pattern.unmapped)
+    if taxels > COVERED_SHARE * np.count_nonzero(seen):
+        return UnknownReason.COVERS_PAD
+    if ndimage.label(contact, EIGHT_CONNECTED)[1] > 1:
+        return UnknownReason.SEVERAL_PARTS
+    if np.count_nonzero(ndimage.binary_fill_holes(contact) & ~contact & seen) >= HOLLOW_TAXELS:
+        return UnknownReason.HOLLOW
+    if max(map(np.count_nonzero, (contact[0], contact[-1], contact[:, 0], contact[:, -1]))) > CUT_SHARE * taxels ** 0.5:
+        return UnknownReason.CUT_BY_EDGE
+    return UnknownReason.UNFAMILIAR

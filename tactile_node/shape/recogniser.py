@@ -21,12 +21,11 @@ import numpy as np
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.adaptation import Adaptation, read_adaptations
-from tactile_node.shape.convexity import is_convex
 from tactile_node.shape.invariants import COUNT, LOG_TAXELS, OVERLAPS, describe_all
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
-from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, low_outline
+from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, is_convex, low_outline
 from tactile_node.shape.taught import Head, join, read_taught
 
 #: Class of each output of the networks. The order is part of the file format of the weights.
