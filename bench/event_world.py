@@ -1,4 +1,8 @@
-"""Simulate contacts that are held, slide or turn, for bench_events.py, with the methods of contact mechanics."""
+"""Simulate contacts that are held, slide, turn or carry a load, for bench_events.py, with contact mechanics.
+
+The skin of a held contact is a half-space, or an elastic layer on the rigid base of a finger. Only in a layer does a
+load along the pad change the pressure on the taxels.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
@@ -6,11 +10,14 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from bench.recognition import mechanics
+from elastic_layer import ElasticLayer
+from stuck_contact import PitchJoint, stuck_response
 from tactile_node.pose.events import Motion
 from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.simulator.world import CLASSES
-from training.ground_truth.layer import sample, stress_field
+from training.ground_truth.layer import StressField, sample, stress_field
+from training.ground_truth.mechanics import Solution
 
 KINDS = (*CLASSES, 'ball', 'cylinder', 'cone')
 PITCH = 0.002         #: [m]
@@ -26,7 +33,18 @@ SHAKE = 0.2           #: Amplitude of the varying force [fraction of the force].
 SHAKEN = (5.0, 15.0)  #: Range of frequencies of the varying force [Hz].
 STILL = 0.6           #: Time at rest after a movement [s].
 BEFORE = 1.5          #: Time at rest before a movement [s].
-QUIET = {'dx': 0.0, 'dy': 0.0, 'turn': 0.0, 'force': 1.0}
+AFTER = 1.0           #: Time at rest after a lift [s].
+QUIET = {'dx': 0.0, 'dy': 0.0, 'turn': 0.0, 'force': 1.0, 'load': 0.0}
+
+CELL = 0.25           #: Cell of the surface of a layer [pitches].
+MARGIN = 6.0          #: Margin of a layer around its contact [thicknesses].
+THICKNESS = (0.001, 0.003)      #: Range of the thickness of a layer [m].
+SHEAR_MODULUS = (1e5, 1e6)      #: Log-uniform range of the shear modulus of a layer [Pa].
+POISSON = (0.3, 0.49)           #: Range of Poisson's ratio of a layer.
+JOINTS = (np.inf, 100.0, 30.0)  #: Stiffnesses of the pitch joint of a finger [N m/rad].
+LOADS = (0.1, 0.5)              #: Range of the load along the pad at the end of a lift [normal force].
+RAMPS = (0.1, 2.0)              #: Log-uniform range of the time in which a lift raises the load [s].
+CHANGE = 0.2                    #: Largest change of the normal force during a lift [fraction of the force].
 Path: TypeAlias = Callable[[float], dict[str, float]]  #: Maps a time [s] to the values that differ from QUIET.
 
 
@@ -39,16 +57,35 @@ class Frame(NamedTuple):
     naive: np.ndarray  # centre of pressure of the raw values [pitches]
 
 
-class Scene:
-    """A contact of one kind on a pad, seen in one ``way``: by its outline, its centre of pressure or on/off values."""
+class Skin(NamedTuple):
+    """A skin of an elastic layer, and the pitch joint of its finger."""
 
-    def __init__(self, rng: np.random.Generator, kind: str, way: str = 'outline', dead: float = DEAD):
+    layer: ElasticLayer  # [m, Pa]
+    joint: PitchJoint
+
+
+def random_skin(rng: np.random.Generator, stiffness: float | None = None) -> Skin:
+    """Draw a skin. Without ``stiffness`` of the pitch joint [N m/rad], draw one of JOINTS."""
+    layer = ElasticLayer(rng.uniform(*THICKNESS), float(np.exp(rng.uniform(*np.log(SHEAR_MODULUS)))),
+                         rng.uniform(*POISSON))
+    return Skin(layer, PitchJoint(float(rng.choice(JOINTS)) if stiffness is None else stiffness))
+
+
+class Scene:
+    """A contact of one kind on a pad, seen in one ``way``: by its outline, its centre of pressure or on/off values.
+
+    Without a ``skin``, the skin is a half-space, in which a load along the pad changes no pressure. A load acts in the
+    direction `direction`, because the contact lies at a random angle to its load.
+    """
+
+    def __init__(self, rng: np.random.Generator, kind: str, way: str = 'outline', dead: float = DEAD,
+                 skin: Skin | None = None):
         draw = {'ball': mechanics.random_ball, 'cylinder': mechanics.random_cylinder, 'cone': mechanics.random_cone}
         indenter, tilt = draw.get(kind, mechanics.random_punch)(rng, KINDS.index(kind))
         towards = rng.uniform(0, 2 * np.pi) if indenter.kind == 'flat_punch' else 0.0
         self._solution = mechanics.solved(indenter, tilt, towards)
         area = float(rng.choice((16, 25, 40)))
-        self._field = stress_field(self._solution, area, rng.uniform(*mechanics.DEPTH))
+        depth = rng.uniform(*mechanics.DEPTH)
         # distance from the centre to the farthest corner [pitches]
         self.radius = float(np.hypot(*self._solution.outline.T).max() * np.sqrt(area))
         self._rng, self._way, self._pressure = rng, way, rng.uniform(0.1, 0.6)
@@ -57,13 +94,34 @@ class Scene:
         self._gain = rng.uniform(-GAIN_DRIFT, GAIN_DRIFT)
         self._zero = rng.uniform(-ZERO_DRIFT, ZERO_DRIFT, (SIDE, SIDE))
         self._hum, self._mains = rng.uniform(0, HUM), 50 + rng.uniform(-0.3, 0.3)
+        self.direction = self._angle if skin else np.nan  #: direction of a load in the pad frame [rad]
+        self._loaded: StressField | None = None
+        if skin is None:
+            self._field = stress_field(self._solution, area, depth)
+        else:
+            self._field, self._loaded = layer_fields(self._solution, area, rng.uniform(0, 2 * np.pi), skin,
+                                                     self._pressure * FULL_SCALE)
 
-    def values(self, time: float, dx: float, dy: float, turn: float, force: float) -> np.ndarray:
+    def values(self, time: float, dx: float, dy: float, turn: float, force: float, load: float) -> np.ndarray:
         """Return the taxel values of the contact.
 
-        ``dx``, ``dy`` [pitches] and ``turn`` [rad] displace the contact. ``force`` multiplies the force of the contact.
+        Parameters
+        ----------
+        time : float
+            Time [s].
+        dx, dy : float
+            Displacement of the contact [pitches].
+        turn : float
+            Rotation of the contact [rad].
+        force : float
+            Factor of the normal force.
+        load : float
+            Load along the pad in units of the normal force at a factor of 1.
         """
-        stress = sample(self._field, self._x + dx, self._y + dy, self._angle + turn, SIDE, SIDE)
+        place = self._x + dx, self._y + dy, self._angle + turn, SIDE, SIDE
+        stress = sample(self._field, *place)
+        if self._loaded is not None:  # a taxel reads no tension
+            stress = np.maximum(stress + load / force * sample(self._loaded, *place), 0)
         drift, noise = time / 600, NOISE * self._rng.standard_normal(stress.shape)
         values = self._pressure * force * (1 + self._gain * drift) * stress + self._zero * drift + noise
         values = np.minimum(values + self._hum * np.sin(2 * np.pi * self._mains * time), 1.0) * FULL_SCALE
@@ -84,6 +142,56 @@ class Scene:
             y, x = np.indices(raw.shape)
             frames.append(Frame(time, place, motion, np.array(((raw * x).sum(), (raw * y).sum())) / raw.sum()))
         return frames
+
+
+def layer_fields(solution: Solution, area: float, angle: float, skin: Skin,
+                 mean_pressure: float) -> tuple[StressField, StressField]:
+    """Return the pressure at the base of a layer, and its change under a load along x that equals the normal force.
+
+    Parameters
+    ----------
+    solution : Solution
+        Pressure on the surface.
+    area : float
+        Area of the contact [taxels].
+    angle : float
+        Angle of the contact to the load [rad].
+    skin : Skin
+        The skin of the finger.
+    mean_pressure : float
+        Mean pressure over the contact [Pa].
+    """
+    scale = float(np.sqrt(area)) / CELL
+    surface = StressField(solution.pressure, solution.cell * scale,
+                          (solution.origin[0] * scale, solution.origin[1] * scale))
+    reach = float(np.hypot(*solution.outline.T).max()) * scale
+    count = 2 * int(np.ceil(reach + MARGIN * skin.layer.thickness / PITCH / CELL)) + 1
+    middle = (count - 1) / 2
+    pressure = mean_pressure * sample(surface, middle, middle, angle, count, count)
+    response = stuck_response(skin.layer, CELL * PITCH, pressure, skin.joint)
+    none = np.zeros_like(pressure)
+    base = skin.layer.base_pressure(CELL * PITCH, pressure, none, none)
+    first = -middle * CELL
+    rest, loaded = (StressField(each / mean_pressure, CELL, (first, first)) for each in (base, response.base))
+    return rest, loaded
+
+
+def lift(rng: np.random.Generator, scene: Scene, ratio: float, speed: float = 0.0, far: float = 0.0) -> tuple[Path, float]:
+    """Return a path on which a load grows to ``ratio`` of the normal force, and the duration of the path [s].
+
+    The normal force changes meanwhile by up to CHANGE. After the lift, the contact slides by ``far`` [pitches] at
+    ``speed`` [mm/s] towards the load.
+    """
+    ramp = float(np.exp(rng.uniform(*np.log(RAMPS))))
+    change = rng.uniform(-CHANGE, CHANGE)
+    rate = speed * 1e-3 / PITCH
+
+    def path(time: float) -> dict[str, float]:
+        share = min(max(0.0, (time - BEFORE) / ramp), 1.0)
+        way = min(max(0.0, time - BEFORE - ramp) * rate, far)
+        return {'load': share * ratio, 'force': 1 + share * change,
+                'dx': way * np.cos(scene.direction), 'dy': way * np.sin(scene.direction)}
+    return path, BEFORE + ramp + (far / rate if far else 0.0) + AFTER
 
 
 def slide(rng: np.random.Generator, speed: float, far: float) -> tuple[Path, float]:
