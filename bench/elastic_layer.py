@@ -134,7 +134,7 @@ def _solutions(z: np.ndarray, height: np.ndarray, nu: float) -> _Solutions:
 
 
 class _Waves(NamedTuple):
-    """The wave of each element of a real transform. ``x`` and ``y`` are the direction of the wave, or 0 for the mean."""
+    """The wave of each element of a real transform. ``x`` and ``y`` are its direction, or 0 for the mean."""
 
     number: np.ndarray
     x: np.ndarray

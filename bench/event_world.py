@@ -8,10 +8,10 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-
-from bench.recognition import mechanics
 from elastic_layer import ElasticLayer
 from stuck_contact import PitchJoint, stuck_response
+
+from bench.recognition import mechanics
 from tactile_node.pose.events import Motion
 from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.shape.methods import VisibilityGuard
@@ -33,7 +33,8 @@ SHAKE = 0.2           #: Amplitude of the varying force [fraction of the force].
 SHAKEN = (5.0, 15.0)  #: Range of frequencies of the varying force [Hz].
 STILL = 0.6           #: Time at rest after a movement [s].
 BEFORE = 1.5          #: Time at rest before a movement [s].
-AFTER = 1.0           #: Time at rest after a lift [s].
+BEFORE_LIFT = 0.8     #: Time at rest before a lift [s].
+AFTER_LIFT = 0.7      #: Time at rest after a lift [s].
 QUIET = {'dx': 0.0, 'dy': 0.0, 'turn': 0.0, 'force': 1.0, 'load': 0.0}
 
 CELL = 0.25           #: Cell of the surface of a layer [pitches].
@@ -176,7 +177,8 @@ def layer_fields(solution: Solution, area: float, angle: float, skin: Skin,
     return rest, loaded
 
 
-def lift(rng: np.random.Generator, scene: Scene, ratio: float, speed: float = 0.0, far: float = 0.0) -> tuple[Path, float]:
+def lift(rng: np.random.Generator, scene: Scene, ratio: float, speed: float = 0.0,
+         far: float = 0.0) -> tuple[Path, float]:
     """Return a path on which a load grows to ``ratio`` of the normal force, and the duration of the path [s].
 
     The normal force changes meanwhile by up to CHANGE. After the lift, the contact slides by ``far`` [pitches] at
@@ -187,11 +189,11 @@ def lift(rng: np.random.Generator, scene: Scene, ratio: float, speed: float = 0.
     rate = speed * 1e-3 / PITCH
 
     def path(time: float) -> dict[str, float]:
-        share = min(max(0.0, (time - BEFORE) / ramp), 1.0)
-        way = min(max(0.0, time - BEFORE - ramp) * rate, far)
+        share = min(max(0.0, (time - BEFORE_LIFT) / ramp), 1.0)
+        way = min(max(0.0, time - BEFORE_LIFT - ramp) * rate, far)
         return {'load': share * ratio, 'force': 1 + share * change,
                 'dx': way * np.cos(scene.direction), 'dy': way * np.sin(scene.direction)}
-    return path, BEFORE + ramp + (far / rate if far else 0.0) + AFTER
+    return path, BEFORE_LIFT + ramp + (far / rate if far else 0.0) + AFTER_LIFT
 
 
 def slide(rng: np.random.Generator, speed: float, far: float) -> tuple[Path, float]:

@@ -17,7 +17,7 @@ from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.events import Motion
 from tactile_node.pose.fit import Finder, FitFollower, ShapeFit, fit_contact
 from tactile_node.pose.moments import ContactMoments, PadForce, contact_moments, pad_force
-from tactile_node.pose.motion import MotionFollower, Sight
+from tactile_node.pose.motion import SHIFT_PER_LOAD, MotionFollower, Sight
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.fusion import FusedRecognition, FusionSettings, RecognitionFusion
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
@@ -155,11 +155,15 @@ class ContactPipeline:
         Settings of the fusion, or None to recognise each frame separately.
     fits : bool
         False to skip the fit of pose and size.
+    shift_per_load : float
+        Largest shift of a contact that sticks, divided by the load along the pad as a share of the normal force. The
+        unit is that of the pitch.
     """
 
     def __init__(self, recogniser: VisibilityGuard | None = None, *, thresholds: PressThresholds | None = None,
                  smallest_contact: int = SMALLEST_CONTACT, curve: Curve | None = None,
-                 fusion: FusionSettings | None = DEFAULT_FUSION, fits: bool = True):
+                 fusion: FusionSettings | None = DEFAULT_FUSION, fits: bool = True,
+                 shift_per_load: float = SHIFT_PER_LOAD):
         self._recogniser = recogniser
         self._thresholds, self._smallest_contact, self._curve = thresholds, smallest_contact, curve
         self._extractors: dict[str | None, PatternExtractor] = {}  # one extractor for each unit of values
@@ -168,7 +172,7 @@ class ContactPipeline:
         self._answer: _Answer | None = None  # latest recognition of a frame
         self._fits = fits
         self._follower = FitFollower()
-        self._motion = MotionFollower()
+        self._motion = MotionFollower(shift_per_load)
 
     def set_contact_limits(self, thresholds: PressThresholds | None, smallest_contact: int) -> None:
         """Apply new limits from the next frame on.
