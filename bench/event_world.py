@@ -13,7 +13,8 @@ from stuck_contact import PitchJoint, stuck_response
 
 from bench.recognition import mechanics
 from tactile_node.pose.events import Motion
-from tactile_node.pose.pipeline import ContactPipeline, Taxels
+from tactile_node.pose.motion import SHIFT_PER_LOAD, MotionFollower, Sight
+from tactile_node.pose.pipeline import ContactPipeline, Taxels, sight_of
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.simulator.world import CLASSES
 from training.ground_truth.layer import StressField, sample, stress_field
@@ -34,19 +35,29 @@ SHAKEN = (5.0, 15.0)  #: Range of frequencies of the varying force [Hz].
 STILL = 0.6           #: Time at rest after a movement [s].
 BEFORE = 1.5          #: Time at rest before a movement [s].
 BEFORE_LIFT = 0.8     #: Time at rest before a lift [s].
-AFTER_LIFT = 0.7      #: Time at rest after a lift [s].
+AFTER_LIFT = 0.6      #: Time at rest after a lift [s].
 QUIET = {'dx': 0.0, 'dy': 0.0, 'turn': 0.0, 'force': 1.0, 'load': 0.0}
 
 CELL = 0.25           #: Cell of the surface of a layer [pitches].
 MARGIN = 6.0          #: Margin of a layer around its contact [thicknesses].
 THICKNESS = (0.001, 0.003)      #: Range of the thickness of a layer [m].
 SHEAR_MODULUS = (1e5, 1e6)      #: Log-uniform range of the shear modulus of a layer [Pa].
-POISSON = (0.3, 0.49)           #: Range of Poisson's ratio of a layer.
+COMPRESSIBLE = (0.01, 0.2)      #: Log-uniform range of 0.5 minus Poisson's ratio of a layer.
 JOINTS = (np.inf, 100.0, 30.0)  #: Stiffnesses of the pitch joint of a finger [N m/rad].
 LOADS = (0.1, 0.5)              #: Range of the load along the pad at the end of a lift [normal force].
 RAMPS = (0.1, 2.0)              #: Log-uniform range of the time in which a lift raises the load [s].
+PRESSED = 0.08                  #: Stress of a pressed taxel [fraction of the largest stress].
 CHANGE = 0.2                    #: Largest change of the normal force during a lift [fraction of the force].
 Path: TypeAlias = Callable[[float], dict[str, float]]  #: Maps a time [s] to the values that differ from QUIET.
+
+
+class Seen(NamedTuple):
+    """The measurements from one frame, and the true place of the contact."""
+
+    time: float
+    place: dict[str, float]
+    sight: Sight
+    naive: np.ndarray  # centre of pressure of the raw values [pitches]
 
 
 class Frame(NamedTuple):
@@ -65,10 +76,18 @@ class Skin(NamedTuple):
     joint: PitchJoint
 
 
+class Lift(NamedTuple):
+    """The path of a contact that carries loads and then slides."""
+
+    path: Path
+    seconds: float              # duration of the path [s]
+    begins: tuple[float, ...]   # times at which the ramps of the load and the slide begin [s]
+
+
 def random_skin(rng: np.random.Generator, stiffness: float | None = None) -> Skin:
     """Draw a skin. Without ``stiffness`` of the pitch joint [N m/rad], draw one of JOINTS."""
-    layer = ElasticLayer(rng.uniform(*THICKNESS), float(np.exp(rng.uniform(*np.log(SHEAR_MODULUS)))),
-                         rng.uniform(*POISSON))
+    modulus, compressible = (float(np.exp(rng.uniform(*np.log(each)))) for each in (SHEAR_MODULUS, COMPRESSIBLE))
+    layer = ElasticLayer(rng.uniform(*THICKNESS), modulus, 0.5 - compressible)
     return Skin(layer, PitchJoint(float(rng.choice(JOINTS)) if stiffness is None else stiffness))
 
 
@@ -131,18 +150,50 @@ class Scene:
         values[self._dead] = np.nan
         return values
 
-    def follow(self, recogniser: VisibilityGuard, path: Path, seconds: float, stamp: float = 1e3) -> list[Frame]:
+    def shift_per_load(self, load: float) -> float:
+        """Return the shift under ``load``, divided by ``load`` [m]. The shift is that of an outline without noise."""
+        place = self._x, self._y, self._angle, SIDE, SIDE
+        assert self._loaded is not None
+        rest, loaded = sample(self._field, *place), sample(self._loaded, *place)
+        before, after = (_middle(np.maximum(stress, 0)) for stress in (rest, rest + load * loaded))
+        return float(np.hypot(*(after - before))) * PITCH / load
+
+    def follow(self, recogniser: VisibilityGuard, path: Path, seconds: float,
+               shift_per_load: float = SHIFT_PER_LOAD) -> list[Frame]:
         """Return the frames while the contact moves along ``path``."""
-        pipeline = ContactPipeline(recogniser, fits=self._way != 'centre of pressure')
+        return followed(self.see(recogniser, path, seconds), shift_per_load)
+
+    def see(self, recogniser: VisibilityGuard, path: Path, seconds: float, stamp: float = 1e3) -> list[Seen]:
+        """Return the measurements while the contact moves along ``path``."""
+        pipeline = ContactPipeline(recogniser)
         taxels, frames = Taxels(PITCH, '1' if self._way == 'on/off' else 'Pa'), []
         for time in np.arange(round(seconds * RATE)) / RATE:
             place = QUIET | path(time)
             values = self.values(time, **place)
-            motion = pipeline.follow(values, taxels, stamp + time).motion
+            found = pipeline.find(values, taxels)
+            if self._way == 'centre of pressure':  # no shape is needed
+                sight = Sight(stamp + time, found.pattern, found.visibility, found.moments, None, 0.0, PITCH, False)
+            else:
+                sight = sight_of(pipeline.recognise(found, stamp + time), stamp + time)
             raw = np.nan_to_num(values)
             y, x = np.indices(raw.shape)
-            frames.append(Frame(time, place, motion, np.array(((raw * x).sum(), (raw * y).sum())) / raw.sum()))
+            frames.append(Seen(time, place, sight, np.array(((raw * x).sum(), (raw * y).sum())) / raw.sum()))
         return frames
+
+
+def followed(seen: list[Seen], shift_per_load: float = SHIFT_PER_LOAD) -> list[Frame]:
+    """Return the motions that follow from the measurements with the parameter ``shift_per_load`` [m]."""
+    follower = MotionFollower(shift_per_load)
+    return [Frame(each.time, each.place, follower.update(each.sight), each.naive) for each in seen]
+
+
+def _middle(stress: np.ndarray) -> np.ndarray:
+    """Return the mean of the centre of area and the centre of pressure of a contact [pitches]."""
+    is_pressed = stress > PRESSED * stress.max()
+    y, x = np.nonzero(is_pressed)
+    places, weights = np.stack((x, y)), stress[is_pressed]
+    middle: np.ndarray = (places.mean(1) + places @ weights / weights.sum()) / 2
+    return middle
 
 
 def layer_fields(solution: Solution, area: float, angle: float, skin: Skin,
@@ -177,23 +228,30 @@ def layer_fields(solution: Solution, area: float, angle: float, skin: Skin,
     return rest, loaded
 
 
-def lift(rng: np.random.Generator, scene: Scene, ratio: float, speed: float = 0.0,
-         far: float = 0.0) -> tuple[Path, float]:
-    """Return a path on which a load grows to ``ratio`` of the normal force, and the duration of the path [s].
+def lift(rng: np.random.Generator, scene: Scene, speed: float, far: float) -> Lift:
+    """Return a path on which an object is lifted, put down, carried on its head and turned over, and then slides.
 
-    The normal force changes meanwhile by up to CHANGE. After the lift, the contact slides by ``far`` [pitches] at
-    ``speed`` [mm/s] towards the load.
+    The load goes to a share of the normal force, back to 0, to a share in the other direction, and at once to another
+    share in the first direction. Each time, the normal force changes by up to CHANGE, and the contact rests for
+    AFTER_LIFT. The slide covers ``far`` [pitches] at ``speed`` [mm/s] towards the load.
     """
-    ramp = float(np.exp(rng.uniform(*np.log(RAMPS))))
-    change = rng.uniform(-CHANGE, CHANGE)
-    rate = speed * 1e-3 / PITCH
+    signs, rate = np.array((0.0, 1.0, 0.0, -1.0, 1.0)), speed * 1e-3 / PITCH
+    loads = signs * rng.uniform(*LOADS, len(signs))
+    forces = np.append(1.0, rng.uniform(1 - CHANGE, 1 + CHANGE, len(signs) - 1))
+    begins = [BEFORE_LIFT]
+    times, values = [0.0, BEFORE_LIFT], [0, 0]
+    for number in range(1, len(signs)):
+        reached = begins[-1] + float(np.exp(rng.uniform(*np.log(RAMPS))))
+        begins.append(reached + AFTER_LIFT)
+        times += [reached, begins[-1]]
+        values += [number, number]
 
     def path(time: float) -> dict[str, float]:
-        share = min(max(0.0, (time - BEFORE_LIFT) / ramp), 1.0)
-        way = min(max(0.0, time - BEFORE_LIFT - ramp) * rate, far)
-        return {'load': share * ratio, 'force': 1 + share * change,
+        way = min(max(0.0, time - begins[-1]) * rate, far)
+        return {'load': float(np.interp(time, times, loads[values])),
+                'force': float(np.interp(time, times, forces[values])),
                 'dx': way * np.cos(scene.direction), 'dy': way * np.sin(scene.direction)}
-    return path, BEFORE_LIFT + ramp + (far / rate if far else 0.0) + AFTER_LIFT
+    return Lift(path, begins[-1] + far / rate + AFTER_LIFT / 2, tuple(begins))
 
 
 def slide(rng: np.random.Generator, speed: float, far: float) -> tuple[Path, float]:
@@ -215,9 +273,15 @@ def turn(rng: np.random.Generator, speed: float, far: float, radius: float) -> t
     return path, BEFORE + far / rate + STILL
 
 
-def shaken(rng: np.random.Generator) -> Path:
+def shaken(rng: np.random.Generator, weight: float = 0.0) -> Path:
+    """Return a path on which the force varies, and the load varies by ``weight`` around ``weight``: a shake of 1 g.
+
+    ``weight`` is in units of the normal force.
+    """
     frequency = rng.uniform(*SHAKEN)
-    return lambda time: {'force': 1 + SHAKE * np.sin(2 * np.pi * frequency * time)}
+    along = rng.uniform(*SHAKEN) if weight else frequency
+    return lambda time: {'force': 1 + SHAKE * np.sin(2 * np.pi * frequency * time),
+                         'load': weight * (1 + np.sin(2 * np.pi * along * time))}
 
 
 def moved(place: dict[str, float], radius: float = 0.0) -> float:

@@ -9,6 +9,7 @@ import pytest
 from elastic_layer import ElasticLayer
 from stuck_contact import PitchJoint, stuck_response
 
+from tactile_node.pose.motion import LARGEST_LOAD, SHIFT_OF_EXTENT
 from training.ground_truth.half_space import displacement_influence
 
 CELL = 0.25
@@ -69,6 +70,24 @@ def test_a_disc_that_sticks_to_a_thick_layer_resists_like_on_a_half_space():
     radius = np.sqrt(np.count_nonzero(pressure) * CELL**2 / np.pi)
     assert response.displacement == pytest.approx(5.0 * (2 - 0.499) / (8 * 0.2 * radius), rel=0.03)
     assert response.tilt == 0.0
+
+
+@pytest.mark.parametrize('poisson', [0.3, 0.45, 0.499])
+@pytest.mark.parametrize('thickness', [0.5, 1.0, 2.5, 6.0])
+def test_the_shift_is_at_most_the_allowed_share_of_the_extent(thickness, poisson):
+    """A disc of 3 mm radius is shifted by the largest load, on thin and thick skins."""
+    cell = 0.375
+    line = (np.arange(161) - 80) * cell
+    x, y = np.meshgrid(line, line)
+    pressure = np.where(np.hypot(x, y) < 3.0, 1.0, 0.0)
+    layer, none = ElasticLayer(thickness, 0.2, poisson), np.zeros_like(pressure)
+    rest = layer.base_pressure(cell, pressure, none, none)
+    loaded = rest + LARGEST_LOAD * stuck_response(layer, cell, pressure, PitchJoint()).base
+    is_pressed, is_pressed_now = rest > 0.05 * rest.max(), loaded > 0.05 * loaded.max()
+    extent = np.ptp(x[is_pressed]) + cell
+    centre = (x * loaded)[is_pressed_now].sum() / loaded[is_pressed_now].sum()
+    outline = x[is_pressed_now].mean()
+    assert 0.02 * extent < centre < outline < SHIFT_OF_EXTENT * extent
 
 
 @pytest.mark.parametrize('stiffness', [np.inf, 1e4])

@@ -109,7 +109,7 @@ def test_the_gripper_opens_again_by_as_much_as_it_has_closed(held):
 
 
 @pytest.mark.parametrize(('moving', 'raised'), [
-    (ContactMotion.SLIDING | ContactMotion.TURNING, 0.5), (ContactMotion.TURNING, 0.0),
+    (ContactMotion.SLIDING | ContactMotion.TURNING, 0.5), (ContactMotion.SHIFTING | ContactMotion.TURNING, 0.0),
     pytest.param(ContactMotion.STILL, 0.0, marks=LONG)])
 def test_the_gripper_presses_harder_if_a_pad_reports_a_slide(held, moving, raised):
     bench = held(slide_force_step=0.5, highest_force=FORCE + 0.5)

@@ -227,7 +227,7 @@ class ContactPipeline:
         if self._fusion is None:
             return self._described(found, frame, fused)
         result = self._described(found, frame, fused, self._follower.at(stamp))
-        return result._replace(motion=self._motion.update(_sight(result, stamp)))
+        return result._replace(motion=self._motion.update(sight_of(result, stamp)))
 
     def follow(self, values: np.ndarray, taxels: Taxels, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:
@@ -296,7 +296,8 @@ def _with_pieces(found: FoundContact, frame: Recognition) -> tuple[FoundContact,
     return (found.of_pattern(join_pieces(found.pattern)) if frame.joined else found), frame
 
 
-def _sight(result: StreamedContact, stamp: float) -> Sight:
+def sight_of(result: StreamedContact, stamp: float) -> Sight:
+    """Return the measurements of a frame with which `MotionFollower` follows the contact."""
     found, none = result.found, result.recognition.probabilities.get(Shape.NONE, 0.0)
     return Sight(stamp, found.pattern, found.visibility, result.moments, result.fit, none, found.taxels.pitch,
                  (found.taxels.unit or ON_OFF_UNIT) == ON_OFF_UNIT)

@@ -40,6 +40,9 @@ LEAST_FORCE_STEP = 0.05  #: Smallest step of the force [N].
 #: time.
 STAYED = 1 / 6
 
+#: A position has returned if it stops within this share of a step. The share is below 1, so that a slow slide that
+#: seems to stop after each step still adds up.
+RETURNED = 0.5
 
 Shift: TypeAlias = tuple[float, float]  #: Displacement along x and y [m].
 NO_SHIFT: Shift = 0.0, 0.0
@@ -256,9 +259,9 @@ class Track:
         if self.is_sliding or self._offset is None:
             return NO_SHIFT, False
         shift = self._offset[0] + end[0], self._offset[1] + end[1]
-        if math.hypot(*shift) < self._step:
+        if math.hypot(*shift) < RETURNED * self._step:
             return NO_SHIFT, True
-        return shift, math.dist(shift, self._shift_before) < self._step
+        return shift, math.dist(shift, self._shift_before) < RETURNED * self._step
 
 
 class ForceTrack:
