@@ -33,7 +33,7 @@ from event_world import (
     RATE,
     Frame,
     Scene,
-    Seen,
+    Sighting,
     followed,
     lift,
     moved,
@@ -119,14 +119,14 @@ def lifted(recogniser: VisibilityGuard, way: str, number: int, purpose: Purpose 
     return reports_of(way, scene.see(recogniser, path, seconds), begins, scene.shift_per_load(LARGEST_LOAD))
 
 
-def reports_of(way: str, seen: list[Seen], begins: tuple[float, ...], true_shift: float) -> Lifted:
+def reports_of(way: str, seen: list[Sighting], begins: tuple[float, ...], true_shift: float) -> Lifted:
     """Return the reports of all rules for the same measurements.
 
     Parameters
     ----------
     way : str
         Way of seeing the contact.
-    seen : list of Seen
+    seen : list of Sighting
         The measurements.
     begins : tuple of float
         Times at which the ramps of the load and the slide begin [s].

@@ -51,7 +51,7 @@ CHANGE = 0.2                    #: Largest change of the normal force during a l
 Path: TypeAlias = Callable[[float], dict[str, float]]  #: Maps a time [s] to the values that differ from QUIET.
 
 
-class Seen(NamedTuple):
+class Sighting(NamedTuple):
     """The measurements from one frame, and the true place of the contact."""
 
     time: float
@@ -69,7 +69,7 @@ class Frame(NamedTuple):
     naive: np.ndarray  # centre of pressure of the raw values [pitches]
 
 
-class Skin(NamedTuple):
+class FingerSkin(NamedTuple):
     """A skin of an elastic layer, and the pitch joint of its finger."""
 
     layer: ElasticLayer  # [m, Pa]
@@ -84,11 +84,11 @@ class Lift(NamedTuple):
     begins: tuple[float, ...]   # times at which the ramps of the load and the slide begin [s]
 
 
-def random_skin(rng: np.random.Generator, stiffness: float | None = None) -> Skin:
+def random_skin(rng: np.random.Generator, stiffness: float | None = None) -> FingerSkin:
     """Draw a skin. Without ``stiffness`` of the pitch joint [N m/rad], draw one of JOINTS."""
     modulus, compressible = (float(np.exp(rng.uniform(*np.log(each)))) for each in (SHEAR_MODULUS, COMPRESSIBLE))
     layer = ElasticLayer(rng.uniform(*THICKNESS), modulus, 0.5 - compressible)
-    return Skin(layer, PitchJoint(float(rng.choice(JOINTS)) if stiffness is None else stiffness))
+    return FingerSkin(layer, PitchJoint(float(rng.choice(JOINTS)) if stiffness is None else stiffness))
 
 
 class Scene:
@@ -99,7 +99,7 @@ class Scene:
     """
 
     def __init__(self, rng: np.random.Generator, kind: str, way: str = 'outline', dead: float = DEAD,
-                 skin: Skin | None = None):
+                 skin: FingerSkin | None = None):
         draw = {'ball': mechanics.random_ball, 'cylinder': mechanics.random_cylinder, 'cone': mechanics.random_cone}
         indenter, tilt = draw.get(kind, mechanics.random_punch)(rng, KINDS.index(kind))
         towards = rng.uniform(0, 2 * np.pi) if indenter.kind == 'flat_punch' else 0.0
@@ -163,7 +163,7 @@ class Scene:
         """Return the frames while the contact moves along ``path``."""
         return followed(self.see(recogniser, path, seconds), shift_per_load)
 
-    def see(self, recogniser: VisibilityGuard, path: Path, seconds: float, stamp: float = 1e3) -> list[Seen]:
+    def see(self, recogniser: VisibilityGuard, path: Path, seconds: float, stamp: float = 1e3) -> list[Sighting]:
         """Return the measurements while the contact moves along ``path``."""
         pipeline = ContactPipeline(recogniser)
         taxels, frames = Taxels(PITCH, '1' if self._way == 'on/off' else 'Pa'), []
@@ -177,11 +177,11 @@ class Scene:
                 sight = sight_of(pipeline.recognise(found, stamp + time), stamp + time)
             raw = np.nan_to_num(values)
             y, x = np.indices(raw.shape)
-            frames.append(Seen(time, place, sight, np.array(((raw * x).sum(), (raw * y).sum())) / raw.sum()))
+            frames.append(Sighting(time, place, sight, np.array(((raw * x).sum(), (raw * y).sum())) / raw.sum()))
         return frames
 
 
-def followed(seen: list[Seen], shift_per_load: float = SHIFT_PER_LOAD) -> list[Frame]:
+def followed(seen: list[Sighting], shift_per_load: float = SHIFT_PER_LOAD) -> list[Frame]:
     """Return the motions that follow from the measurements with the parameter ``shift_per_load`` [m]."""
     follower = MotionFollower(shift_per_load)
     return [Frame(each.time, each.place, follower.update(each.sight), each.naive) for each in seen]
@@ -196,7 +196,7 @@ def _middle(stress: np.ndarray) -> np.ndarray:
     return middle
 
 
-def layer_fields(solution: Solution, area: float, angle: float, skin: Skin,
+def layer_fields(solution: Solution, area: float, angle: float, skin: FingerSkin,
                  mean_pressure: float) -> tuple[StressField, StressField]:
     """Return the pressure at the base of a layer, and its change under a load along x that equals the normal force.
 
@@ -208,7 +208,7 @@ def layer_fields(solution: Solution, area: float, angle: float, skin: Skin,
         Area of the contact [taxels].
     angle : float
         Angle of the contact to the load [rad].
-    skin : Skin
+    skin : FingerSkin
         The skin of the finger.
     mean_pressure : float
         Mean pressure over the contact [Pa].

@@ -9,7 +9,7 @@ import os
 import numpy as np
 import pytest
 from elastic_layer import ElasticLayer
-from event_world import BEFORE, KINDS, PITCH, RATE, Scene, Skin, moved, shaken, slide, turn
+from event_world import BEFORE, KINDS, PITCH, RATE, FingerSkin, Scene, moved, shaken, slide, turn
 from stuck_contact import PitchJoint
 
 from bench.planner_world import FINE, ROWS, foundation, noisy
@@ -96,7 +96,7 @@ def test_a_turn_is_reported(recogniser, kind, speed):
 @pytest.mark.parametrize('kind', ['square', pytest.param('ball', marks=pytest.mark.long)])
 def test_a_load_along_the_pad_shifts_the_contact_and_returns_it(recogniser, kind):
     """Half of the normal force along the pad, on a nearly incompressible skin of 3 mm, and then no load again."""
-    skin = Skin(ElasticLayer(0.003, 2e5, 0.49), PitchJoint())
+    skin = FingerSkin(ElasticLayer(0.003, 2e5, 0.49), PitchJoint())
     scene = Scene(generator(Purpose.TEST, SEED + 5), kind, dead=0.0, skin=skin)
 
     def path(time):

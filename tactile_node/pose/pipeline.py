@@ -156,8 +156,7 @@ class ContactPipeline:
     fits : bool
         False to skip the fit of pose and size.
     shift_per_load : float
-        Largest shift of a contact that sticks, divided by the load along the pad as a share of the normal force. The
-        unit is that of the pitch.
+        Largest shift of a contact that sticks, divided by the load along the pad as a share of the normal force [m].
     """
 
     def __init__(self, recogniser: VisibilityGuard | None = None, *, thresholds: PressThresholds | None = None,

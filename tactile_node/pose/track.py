@@ -44,8 +44,8 @@ STAYED = 1 / 6
 #: seems to stop after each step still adds up.
 RETURNED = 0.5
 
-Shift: TypeAlias = tuple[float, float]  #: Displacement along x and y [m].
-NO_SHIFT: Shift = 0.0, 0.0
+Displacement: TypeAlias = tuple[float, float]  #: Along x and y [m].
+NO_SHIFT: Displacement = 0.0, 0.0
 
 
 class Place(NamedTuple):
@@ -73,7 +73,7 @@ class Track:
         self._lag = step / SLOWEST
         self.restart()
 
-    def restart(self, shift: Shift = NO_SHIFT) -> None:
+    def restart(self, shift: Displacement = NO_SHIFT) -> None:
         """Forget the reference, and treat the position as at rest, displaced by ``shift`` from its position of rest."""
         self.is_moving = False
         self.is_sliding = False    #: True if the position moves, and has moved farther than a load can shift it
@@ -91,7 +91,7 @@ class Track:
 
         A movement continues from the displacement that it had reached.
         """
-        self._offset: Shift | None = None  # displacement minus measured position during a movement [m]
+        self._offset: Displacement | None = None  # displacement minus measured position during a movement [m]
         self._recent: deque[Place] = deque()
         self._reference: deque[Place] = deque()
         self._sums = [0.0] * 4  # sums of x, y and x² + y² relative to the first position, and of the load
@@ -254,7 +254,7 @@ class Track:
             self._recent.extend(places)
             self._let_follow(time)
 
-    def _shift_at_rest(self, end: Shift) -> tuple[Shift, bool]:
+    def _shift_at_rest(self, end: Displacement) -> tuple[Displacement, bool]:
         """Return the displacement of a movement that has stopped at ``end``, and True if the position has returned."""
         if self.is_sliding or self._offset is None:
             return NO_SHIFT, False
