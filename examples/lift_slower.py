@@ -5,6 +5,9 @@
 
 Even without events, the object may slip (docs/events.md). If a slide along the pads' y axis cannot be observed, the arm
 lifts at no more than half the full speed. The arm stops if the grasp is too old or a pad has lost its contact.
+
+A lift shifts the object in the elastic skin, although nothing slides. During a shift, the arm lifts at no more than
+half the full speed. A slide halves the speed, and `has_slid` tells the planner that the object has slid.
 """
 
 import time
@@ -29,6 +32,7 @@ class LiftSpeed:
 
     def __init__(self, node, pads: tuple[str, str], steady: Callable[[], float] = time.monotonic):
         self._steady, self._speed, self._since = steady, FULL, steady()
+        self.has_slid = False  # True once the object has slid on a pad
         self._ages, self._grasp, self._arrival = InputAge(steady=steady), None, None
         node.create_subscription(Grasp, 'grasp', self.on_grasp, QoSProfile(depth=1))
         for pad in pads:
@@ -37,11 +41,13 @@ class LiftSpeed:
     def on_event(self, event: ContactEvent) -> None:
         """Slow down even if the event is old, because slowing down is always safe."""
         if check_contact_event(event) is None and event.kind in SLOWS:
+            self.has_slid |= event.kind == ContactEvent.SLIDING
             self._speed, self._since = max(self._speed / 2, LEAST), self._steady()
 
     def on_grasp(self, grasp: Grasp) -> None:
         if check_grasp(grasp) is None:  # ignore malformed messages
             self._grasp, self._arrival = grasp, self._ages.arrived(grasp)
+            self.has_slid |= any(motion.moving & ContactMotion.SLIDING for motion in grasp.motions)
             if any(map(is_moving, grasp.motions)):  # slow down even if the event message was lost
                 self._speed, self._since = min(self._speed, FULL / 2), self._steady()
 

@@ -188,13 +188,13 @@ SHAPES: dict[R, list[Change]] = {
     R.WRONG_STAMP: [{'held.sec': -1}]}
 SLIDING: Change = {'moving': ContactMotion.SLIDING, 'speed': 0.01, 'direction': 1.0}
 MOTIONS: dict[R, list[Change]] = {
-    R.UNKNOWN_CODE: [{'moving': 3}, {'moving': 8}, {'observable': 8}, {'last_event': 7}],
+    R.UNKNOWN_CODE: [{'moving': 3}, {'moving': 10}, {'moving': 16}, {'observable': 8}, {'last_event': 9}],
     R.INCONSISTENT: [{'speed': 0.01}, {'direction': 1.0}, {'rate': 0.1}, SLIDING | {'speed': -0.01},
                      SLIDING | {'moving': ContactMotion.STILL}, SLIDING | {'moving': ContactMotion.TURNING}],
     R.NOT_FINITE: [SLIDING | {'speed': INF}, {'rate': -INF}],
     R.WRONG_STAMP: [{'last_event_age.sec': -1}]}
 EVENTS: dict[R, list[Change]] = {
-    R.UNKNOWN_CODE: [{'kind': 7}, {'kind': 0}, {'seen_by': 0}, {'seen_by': 5}],
+    R.UNKNOWN_CODE: [{'kind': 9}, {'kind': 0}, {'seen_by': 0}, {'seen_by': 5}],
     R.NOT_FINITE: [{'speed': INF}, {'probability': NAN}, {'force': -INF}],
     R.WRONG_PROBABILITIES: [{'probability': 1.5}], R.INCONSISTENT: [{'speed': -0.1}]}
 

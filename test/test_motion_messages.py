@@ -71,6 +71,16 @@ def test_a_sliding_grasp_is_unstable_from_the_first_message_on():
     assert message.motions[0].speed == pytest.approx(0.01) and message.motions[1].moving == ContactMotion.STILL
 
 
+def test_a_grasp_that_a_load_shifts_is_unstable_until_it_rests():
+    held = Held()
+    shifting = SLIDING._replace(moving=Moving.SHIFTING)
+    assert held.grasp(3.0).stable
+    message = held.grasp(PERIOD, shifting)
+    assert not message.stable and message.motions[0].moving == ContactMotion.SHIFTING
+    assert message.motions[0].speed == pytest.approx(0.01)
+    assert held.grasp(3.0).stable
+
+
 def test_a_latched_event_is_distinguished_from_a_present_one():
     motion = Held().grasp(1.0).motions[0]
     assert motion.moving == ContactMotion.STILL and motion.last_event == ContactEvent.SLIDING
@@ -102,6 +112,7 @@ def test_events_are_published_once_by_the_classifier(ros):
 def test_a_view_states_the_motion():
     assert moving_words(Moving.SLIDING | Moving.TURNING, 0.002, 0.5, EventKind.LIGHTER, 0.2) == \
         'sliding 2.0 mm/s, turning 29 deg/s, event: lighter 0.2 s ago'
+    assert moving_words(Moving.SHIFTING, 0.002, math.nan, 0, math.inf) == 'shifting 2.0 mm/s'
     assert moving_words(Moving.STILL, math.nan, math.nan, EventKind.SLIDING, 60.0) == ''
 
 
@@ -120,9 +131,9 @@ def test_the_example_lifts_more_slowly_after_an_event():
         limit.on_grasp(message)
     assert limit.speed() == lift_slower.FULL / 2  # The pads could not observe a slide along y.
     limit.on_event(ContactEvent())
-    assert limit.speed() == lift_slower.FULL / 2
+    assert limit.speed() == lift_slower.FULL / 2 and not limit.has_slid
     for _ in range(3):
         limit.on_event(ContactEvent(kind=ContactEvent.SLIDING, seen_by=ContactEvent.OUTLINE, probability=1.0))
-    assert limit.speed() == pytest.approx(lift_slower.FULL / 8)
+    assert limit.speed() == pytest.approx(lift_slower.FULL / 8) and limit.has_slid
     held.now += 1.0
     assert limit.speed() == 0.0  # The last received grasp is too old.

@@ -55,7 +55,7 @@ class ClassifierNode(StageNode):
         self._settings = read(self, ClassifierSettings)
         self._pipeline = ContactPipeline(
             make_recogniser(self._settings.method, self._settings.model), fits=self._settings.fit,
-            fusion=DEFAULT_FUSION if self._settings.fuse else None)
+            fusion=DEFAULT_FUSION if self._settings.fuse else None, shift_per_load=self._settings.shift_per_load)
         qos = self._settings.qos
         self.recognised = 0  #: number of contacts for which a shape was published
         self._shapes: StageOutput[PadShape] = StageOutput(self, ContactShape, 'shape', self._settings,

@@ -11,10 +11,12 @@ class EventKind(IntEnum):
     NOT_KNOWN = 0
     MADE = 1     #: the pad was seen empty and is now touched
     LOST = 2     #: the pad was touched and is now seen empty
-    SLIDING = 3  #: the contact has begun to move across the pad
+    SLIDING = 3  #: the contact has moved farther across the pad than a load along the pad can shift it
     TURNING = 4  #: the contact has begun to turn
     HARDER = 5   #: the force has risen by a step
     LIGHTER = 6  #: the force has fallen by a step
+    SHIFTED = 7   #: the contact has stopped at another place, no farther away than a load along the pad can shift it
+    RETURNED = 8  #: the contact has stopped where its shift began, or at its position of rest
 
 
 class SeenBy(IntEnum):
@@ -34,6 +36,7 @@ class Moving(IntFlag):
     STILL = 1
     SLIDING = 2
     TURNING = 4
+    SHIFTING = 8
 
 
 class Observable(IntFlag):
@@ -66,8 +69,8 @@ class Motion(NamedTuple):
     """The movement of a contact at the time of one frame."""
 
     moving: Moving = Moving.NOT_KNOWN
-    speed: float = math.nan      #: speed while SLIDING [m/s]; NaN if the speed is unknown
-    direction: float = math.nan  #: direction while SLIDING, in the pad frame, positive from x to y [rad]
+    speed: float = math.nan      #: speed while SHIFTING or SLIDING [m/s]; NaN if the speed is unknown
+    direction: float = math.nan  #: direction of this movement, in the pad frame, positive from x to y [rad]
     rate: float = math.nan       #: angular velocity while TURNING, positive from x to y [rad/s]
     observable: Observable = Observable.NOTHING
     events: tuple[Event, ...] = ()   #: events of this frame

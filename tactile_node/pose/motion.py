@@ -1,6 +1,9 @@
 """Detect events of the contact on one pad, and determine which movements could not be detected.
 
-The events are made, lost, harder, lighter, sliding and turning.
+The events are made, lost, harder, lighter, shifted, returned, sliding and turning.
+
+A load along the pad shifts the pressure in an elastic skin, although nothing slides. A movement is therefore a shift
+until it exceeds the largest shift that a load can cause.
 
 Two quantities are tracked in parallel: the outline, if one is fitted, and the centre of pressure. The absence of events
 does not prove the absence of slip. The field `observable` tells which movements would be detected. Normal pressure
@@ -35,11 +38,22 @@ class Sight(NamedTuple):
     is_on_off: bool
 
 
-# A movement is reported once it exceeds one of these steps. The steps are smaller than the documented ones (0.3, 0.8
-# and 1.5 pitches), because a second frame must confirm the movement.
+# A movement begins once it exceeds one of these steps, and is a slide once it exceeds the allowed shift by one of these
+# steps. The steps are smaller than the documented ones (0.4, 0.8 and 1.5 pitches), because a second frame must confirm
+# the movement.
 OUTLINE_STEP = 0.2    #: step of an outline [pitches]
 PRESSURE_STEP = 0.55  #: step of a centre of pressure [pitches]
 ON_OFF_STEP = 1.1     #: step of an outline or a centre on on/off taxels [pitches]
+
+#: Largest load along the pad under which a contact sticks, as a share of the normal force.
+LARGEST_LOAD = 0.5
+#: Largest shift under this load, as a share of the contact's extent. The share holds for an elastic layer of any
+#: thickness and stiffness and for a Poisson's ratio of up to 0.499 (bench/elastic_layer.py), because the shift grows
+#: with the thickness, and so does the extent of a small contact.
+SHIFT_OF_EXTENT = 0.15
+#: Largest shift of a contact, divided by the load along the pad as a share of the normal force [m]. The largest shift
+#: is 2.9 times the thickness of a nearly incompressible skin. This value allows for a skin of 3 mm.
+SHIFT_PER_LOAD = 0.0088
 
 #: Number of standard deviations that a turn must exceed. The number is high because fitted angles jump from frame to
 #: frame.
@@ -65,9 +79,16 @@ HIDES_DIRECTION = 0.5
 
 
 class MotionFollower:
-    """Follows the movement of the contact on one pad, frame by frame."""
+    """Follows the movement of the contact on one pad, frame by frame.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    shift_per_load : float
+        Largest shift of a contact that sticks, divided by the load along the pad as a share of the normal force [m].
+    """
+
+    def __init__(self, shift_per_load: float = SHIFT_PER_LOAD) -> None:
+        self._largest_shift = LARGEST_LOAD * shift_per_load
         self.restart()
 
     def restart(self) -> None:
@@ -100,7 +121,7 @@ class MotionFollower:
 
     def _of_contact(self, sight: Sight) -> Motion:
         if self._contact is None or not self._contact.goes_on(sight.pattern.mask):
-            self._contact = _Followed(sight)
+            self._contact = _Followed(sight, self._largest_shift)
         motion = self._contact.update(sight)
         if not self._was_empty:
             return motion
@@ -110,9 +131,10 @@ class MotionFollower:
 
 
 class _Followed:
-    """Follows one contact."""
+    """Follows one contact, which a load along the pad shifts by no more than ``largest_shift`` [m]."""
 
-    def __init__(self, first: Sight):
+    def __init__(self, first: Sight, largest_shift: float):
+        self._largest_shift = largest_shift
         self._pitch, self._is_on_off = first.pitch, first.is_on_off
         self.by_pressure = SeenBy.ON_OFF if self._is_on_off else SeenBy.PRESSURE
         of_outline, of_pressure = (ON_OFF_STEP,) * 2 if self._is_on_off else (OUTLINE_STEP, PRESSURE_STEP)
@@ -149,15 +171,15 @@ class _Followed:
         self._load = moments.area if self._is_on_off else moments.force
         self._extent = self._pitch * max(np.count_nonzero(self._mask.any(axis)) for axis in (0, 1))
         self._centre.update(stamp, *moments.centre_of_pressure, max(moments.centre_of_pressure_sd),
-                            self._growth(self._centre), self._load)
+                            self._growth(self._centre), self._load, self._allowed)
         is_whole = not (sight.visibility.outline_hidden or sight.visibility.inside_hidden)
         if fit is not None and is_whole:
             if self._follow_outline(fit, moments, stamp):
-                self._centre.restart()
+                self._centre.restart(self._outline.shift)
                 if not self._turn.is_moving:
                     self._turn.restart()
         elif not is_whole or stamp - self._outlined > MAX_GAP:
-            self._outline.restart()
+            self._outline.restart(self._centre.shift)
             self._turn.restart()
         return self._motion(sight, events)
 
@@ -201,12 +223,18 @@ class _Followed:
         self._outlined, had_moved = stamp, self._outline.is_moving
         variance = fit.covariance.diagonal().tolist()
         x, y = ((of_fit + of_pressure) / 2 for of_fit, of_pressure in zip(fit.centre, moments.centre_of_pressure))
-        self._outline.update(stamp, x, y, math.sqrt(max(variance[:2])), self._growth(self._outline), self._load)
+        self._outline.update(stamp, x, y, math.sqrt(max(variance[:2])), self._growth(self._outline), self._load,
+                             self._allowed)
         if fit.symmetry:
             self._angle += math.remainder(fit.angle - self._angle, 2 * math.pi / fit.symmetry)
             sd = math.sqrt(variance[2]) * self._radius  # a slide reveals fit errors that stay constant at rest
             self._turn.update(stamp, self._angle * self._radius, 0.0, sd, SLACK * sd * self._outline.is_moving)
         return had_moved and not self._outline.is_moving
+
+    @property
+    def _allowed(self) -> float:
+        """Largest shift that a load along the pad can cause [m]."""
+        return min(SHIFT_OF_EXTENT * self._extent, self._largest_shift)
 
     def _growth(self, track: Track) -> float:
         """Return how far the centre of a contact at rest may have shifted because the load changed its size."""
@@ -220,19 +248,23 @@ class _Followed:
         before, self._moving = self._moving, self._states()
         has_begun = self._moving & ~before
         speed = direction = rate = math.nan
-        if self._moving & Moving.SLIDING:
+        if self._moving & (Moving.SHIFTING | Moving.SLIDING):
             by = self._outline if self._outline.is_moving else self._centre
             shown = self._centre if math.isnan(by.speed) else by  # an outline that has just changed has no speed yet
             speed, direction = shown.speed, shown.direction
             if has_begun & Moving.SLIDING:
-                seen_by = SeenBy.OUTLINE if by is self._outline else SeenBy.CENTRE_OF_PRESSURE
-                events.append(Event(EventKind.SLIDING, sight.stamp, SeenBy.ON_OFF if self._is_on_off else seen_by,
-                                    by.probability, speed, direction))
+                by = self._outline if self._outline.is_sliding else self._centre
+                events.append(Event(EventKind.SLIDING, sight.stamp, self._seen_by(by), by.probability, speed,
+                                    direction))
+        elif before & Moving.SHIFTING and self._moving:
+            by = self._outline if self._outline.is_known else self._centre
+            kind = EventKind.RETURNED if by.has_returned else EventKind.SHIFTED
+            events.append(Event(kind, sight.stamp, self._seen_by(by), by.probability))
         if self._moving & Moving.TURNING:
             rate = self._turn.velocity[0] / self._radius
             if has_begun & Moving.TURNING:
-                seen_by = SeenBy.ON_OFF if self._is_on_off else SeenBy.OUTLINE
-                events.append(Event(EventKind.TURNING, sight.stamp, seen_by, self._turn.probability, rate=rate))
+                events.append(Event(EventKind.TURNING, sight.stamp, self._seen_by(self._outline),
+                                    self._turn.probability, rate=rate))
         if self._observed is None or not _is_seen_alike(sight, self._observed):
             self._observed, self._observable = sight, _observable(sight)
         observable = self._observable
@@ -240,10 +272,16 @@ class _Followed:
             observable &= Observable.ROTATION
         return Motion(self._moving, speed, direction, rate, observable, tuple(events))
 
+    def _seen_by(self, track: Track) -> SeenBy:
+        return self.by_pressure if self._is_on_off else (
+            SeenBy.CENTRE_OF_PRESSURE if track is self._centre else SeenBy.OUTLINE)
+
     def _states(self) -> Moving:
         moving = Moving.NOT_KNOWN
-        if self._outline.is_moving or self._centre.is_moving:
+        if self._outline.is_sliding or self._centre.is_sliding:
             moving |= Moving.SLIDING
+        elif self._outline.is_moving or self._centre.is_moving:
+            moving |= Moving.SHIFTING
         if self._turn.is_moving:
             moving |= Moving.TURNING
         is_known = self._outline.is_known or self._centre.is_known

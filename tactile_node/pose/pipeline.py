@@ -17,7 +17,7 @@ from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.events import Motion
 from tactile_node.pose.fit import ShapeFit, fit_contact
 from tactile_node.pose.moments import ContactMoments, PadForce, contact_moments, pad_force
-from tactile_node.pose.motion import MotionFollower, Sight
+from tactile_node.pose.motion import SHIFT_PER_LOAD, MotionFollower, Sight
 from tactile_node.pose.outline_fit import OutlineFit
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.fusion import FusedRecognition, FusionSettings, RecognitionFusion
@@ -159,11 +159,14 @@ class ContactPipeline:
         Settings of the fusion, or None to recognise each frame separately.
     fits : bool
         False to skip the fit of pose and size.
+    shift_per_load : float
+        Largest shift of a contact that sticks, divided by the load along the pad as a share of the normal force [m].
     """
 
     def __init__(self, recogniser: VisibilityGuard | None = None, *, thresholds: PressThresholds | None = None,
                  smallest_contact: int = SMALLEST_CONTACT, curve: Curve | None = None,
-                 fusion: FusionSettings | None = DEFAULT_FUSION, fits: bool = True):
+                 fusion: FusionSettings | None = DEFAULT_FUSION, fits: bool = True,
+                 shift_per_load: float = SHIFT_PER_LOAD):
         self._recogniser = recogniser
         self._thresholds, self._smallest_contact, self._curve = thresholds, smallest_contact, curve
         self._extractors: dict[str | None, PatternExtractor] = {}  # one extractor for each unit of values
@@ -172,7 +175,7 @@ class ContactPipeline:
         self._answer: _Answer | None = None  # latest recognition of a frame
         self._fits = fits
         self._outlines: dict[Shape, OutlineFit] = {}  # fits to the present contact
-        self._motion = MotionFollower()
+        self._motion = MotionFollower(shift_per_load)
 
     def set_contact_limits(self, thresholds: PressThresholds | None, smallest_contact: int) -> None:
         """Apply new limits from the next frame on.
@@ -227,7 +230,7 @@ class ContactPipeline:
         if self._fusion is None:
             return self._described(found, frame, fused)
         result = self._described(found, frame, fused, self._outlines, stamp)
-        return result._replace(motion=self._motion.update(_sight(result, stamp)))
+        return result._replace(motion=self._motion.update(sight_of(result, stamp)))
 
     def follow(self, values: np.ndarray, taxels: Taxels, stamp: float, *, saturated: ArrayLike | None = None,
                unmapped: ArrayLike | None = None) -> StreamedContact:
@@ -296,7 +299,8 @@ def _with_pieces(found: FoundContact, frame: Recognition) -> tuple[FoundContact,
     return (found.of_pattern(join_pieces(found.pattern)) if frame.joined else found), frame
 
 
-def _sight(result: StreamedContact, stamp: float) -> Sight:
+def sight_of(result: StreamedContact, stamp: float) -> Sight:
+    """Return the measurements of a frame with which `MotionFollower` follows the contact."""
     found, none = result.found, result.recognition.probabilities.get(Shape.NONE, 0.0)
     return Sight(stamp, found.pattern, found.visibility, result.moments, result.fit, none, found.taxels.pitch,
                  (found.taxels.unit or ON_OFF_UNIT) == ON_OFF_UNIT)

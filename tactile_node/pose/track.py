@@ -1,4 +1,4 @@
-"""Decide whether a measured position is at rest or moves, by comparing the position with an earlier reference.
+"""Decide whether a measured position is at rest, shifts or slides, by comparing the position with an earlier reference.
 
 The reference is the mean position over REFERENCE_TIME. The reference is old enough for a movement at the speed SLOWEST
 to have become detectable. The reference follows a slower movement, such as drift.
@@ -8,11 +8,16 @@ consecutive frames must exceed this limit, or one frame must exceed it clearly. 
 limit, and not clearly, that frame is discarded. A position counts as at rest again after it has stayed the same for
 STOPPED. After a slow movement, it must stay the same for the longer time in which such a movement would become
 detectable.
+
+A movement is a shift until its distance from the position of rest exceeds the shift that a load along the pad can cause
+in an elastic skin. From then on, the movement is a slide, until the position stops. The position of rest is the
+position before the first movement, or after a slide. A track therefore adds up the distances of all movements since
+then. Drift between the movements moves the position of rest too.
 """
 
 import math
 from collections import deque
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 SLOWEST = 0.0004      #: Slowest detectable speed [m/s].
 REFERENCE_TIME = 0.3  #: Time over which the reference is averaged [s].
@@ -34,6 +39,13 @@ LEAST_FORCE_STEP = 0.05  #: Smallest step of the force [N].
 #: A position has stopped if it moves less than this share of a step from the first to the last third of the stopping
 #: time.
 STAYED = 1 / 6
+
+#: A position has returned if it stops within this share of a step. The share is below 1, so that a slow slide that
+#: seems to stop after each step still adds up.
+RETURNED = 0.5
+
+Displacement: TypeAlias = tuple[float, float]  #: Along x and y [m].
+NO_SHIFT: Displacement = 0.0, 0.0
 
 
 class Place(NamedTuple):
@@ -61,15 +73,25 @@ class Track:
         self._lag = step / SLOWEST
         self.restart()
 
-    def restart(self) -> None:
-        """Forget the reference, and treat the position as not moving."""
+    def restart(self, shift: Displacement = NO_SHIFT) -> None:
+        """Forget the reference, and treat the position as at rest, displaced by ``shift`` from its position of rest."""
         self.is_moving = False
-        self.probability = 0.0  #: probability in the latest frame that the position has moved by half a step
+        self.is_sliding = False    #: True if the position moves, and has moved farther than a load can shift it
+        self.has_returned = False  #: True if the latest movement ended where it began or at the position of rest
+        #: probability in the latest frame that the position has moved by half a step, or has slid by half a step
+        self.probability = 0.0
+        self.shift = self._shift_before = shift  #: displacement from the position of rest [m]
+        self._error = 0.0   # standard deviation of a position at the beginning of the movement [m]
+        self._was_far = False
         self._hold = STOPPED
         self.forget()
 
     def forget(self) -> None:
-        """Forget the reference, because the position is measured differently from now on."""
+        """Forget the reference, because the position is measured differently from now on.
+
+        A movement continues from the displacement that it had reached.
+        """
+        self._offset: Displacement | None = None  # displacement minus measured position during a movement [m]
         self._recent: deque[Place] = deque()
         self._reference: deque[Place] = deque()
         self._sums = [0.0] * 4  # sums of x, y and x² + y² relative to the first position, and of the load
@@ -112,7 +134,7 @@ class Track:
         return math.atan2(y, x)
 
     def update(self, time: float, x: float, y: float, sd: float, slack: float = 0.0,
-               load: float = 0.0) -> None:
+               load: float = 0.0, allowed: float = 0.0) -> None:
         """Add the position measured in the next frame.
 
         Parameters
@@ -127,18 +149,26 @@ class Track:
             Distance by which the position may be wrong for another reason [m]. This distance is added to the limit of a
             movement.
         load : float
-            Load on the contact, in any unit.
+            Normal load on the contact, in any unit.
+        allowed : float
+            Distance from the position of rest up to which a movement is a shift [m].
         """
         place = Place(time, x, y, load)
         self._recent.append(place)
         if math.isnan(self._first.time):
             self._first = place
         if self.is_moving:
+            self._look_for_slide(place, allowed + slack)
             self._look_for_stop(time)
             return
         self._let_follow(time)
         if len(self._reference) >= FEWEST and self._is_away(place, sd, slack):
+            count = len(self._reference)
+            self._shift_before = self.shift
+            self._offset = (self.shift[0] - self._first.x - self._sums[0] / count,
+                            self.shift[1] - self._first.y - self._sums[1] / count)
             self.is_moving = True
+            self._look_for_slide(place, allowed + slack)
             self._hold = max(STOPPED, GOES_ON * self._step / max(self.speed, SLOWEST))
 
     def _is_away(self, place: Place, sd: float, slack: float) -> bool:
@@ -150,7 +180,8 @@ class Track:
         away = place.x - self._first.x - mean_x, place.y - self._first.y - mean_y
         distance, limit = math.hypot(*away), max(self._step, self._certainty * error) + slack
         before, self._was_over = self._was_over, away if distance > limit else None
-        self.probability = _probability((distance - self._step / 2) / error) if error > 0 else 1.0
+        self._error = error
+        self.probability = self._probability_beyond(distance - self._step)
         if distance > CLEARLY * limit:
             return True
         if before is None:
@@ -160,6 +191,25 @@ class Track:
         if len(self._recent) > 1:
             del self._recent[-2]  # the position jumped in only that frame
         return False
+
+    def _look_for_slide(self, place: Place, allowed: float) -> None:
+        """Treat the movement as a slide once two consecutive positions exceed ``allowed`` by a step."""
+        if self._offset is None:  # the position is measured differently since the last frame
+            self._offset = self.shift[0] - place.x, self.shift[1] - place.y
+        self.shift = self._offset[0] + place.x, self._offset[1] + place.y
+        excess = math.hypot(*self.shift) - allowed - self._step
+        is_far, was_far = excess > 0, self._was_far
+        self._was_far = is_far
+        if not self.is_sliding and is_far and (was_far or excess > (CLEARLY - 1) * self._step):
+            self.is_sliding = True
+            self.probability = self._probability_beyond(excess)
+
+    def _probability_beyond(self, excess: float) -> float:
+        """Return the probability that a position is more than half a step beyond the limit.
+
+        ``excess`` is the distance beyond a limit of one step [m].
+        """
+        return _probability((excess + self._step / 2) / self._error) if self._error > 0 else 1.0
 
     def _let_follow(self, time: float) -> None:
         """Move positions that are old enough into the reference.
@@ -197,10 +247,21 @@ class Track:
         places = list(self._recent)
         first, last = _mean(places[:third]), _mean(places[-third:])
         if math.hypot(last[0] - first[0], last[1] - first[1]) < STAYED * self._step:
-            self.restart()
+            shift, has_returned = self._shift_at_rest(last)
+            self.restart(shift)
+            self.has_returned = has_returned
             self._first = places[0]
             self._recent.extend(places)
             self._let_follow(time)
+
+    def _shift_at_rest(self, end: Displacement) -> tuple[Displacement, bool]:
+        """Return the displacement of a movement that has stopped at ``end``, and True if the position has returned."""
+        if self.is_sliding or self._offset is None:
+            return NO_SHIFT, False
+        shift = self._offset[0] + end[0], self._offset[1] + end[1]
+        if math.hypot(*shift) < RETURNED * self._step:
+            return NO_SHIFT, True
+        return shift, math.dist(shift, self._shift_before) < RETURNED * self._step
 
 
 class ForceTrack:

@@ -11,7 +11,7 @@ from tactile_node.ros.message_age import age_message, age_seconds
 from tactile_node.skin.taxel_array import RejectReason, check_duration, check_time
 from tactile_skin.msg import ContactEvent, ContactMotion
 
-MOST_MOVING = max(Moving) | Moving.SLIDING
+ACROSS = Moving.SHIFTING | Moving.SLIDING  #: Flags of a movement across the pad, of which at most one is set.
 MOST_OBSERVABLE = sum(Observable)
 
 
@@ -35,8 +35,8 @@ def current_motion(motion: ContactMotion, age: float, is_current: bool) -> Conta
 
 
 def is_moving(motion: ContactMotion) -> bool:
-    """Return True if the contact slides or turns."""
-    return bool(motion.moving & (ContactMotion.SLIDING | ContactMotion.TURNING))
+    """Return True if the contact shifts, slides or turns."""
+    return bool(motion.moving & (ACROSS | Moving.TURNING))
 
 
 def event_message(event: Event, header: Header, sequence: int, age: Duration) -> ContactEvent:
@@ -48,14 +48,16 @@ def event_message(event: Event, header: Header, sequence: int, age: Duration) ->
 
 
 def check_motion(message: ContactMotion) -> RejectReason | None:
-    """Check the codes. Only a sliding contact may have a speed, and only a turning contact a rate."""
-    if (message.moving > MOST_MOVING or message.moving & Moving.STILL and message.moving != Moving.STILL
-            or message.observable > MOST_OBSERVABLE or message.last_event > max(EventKind)):
+    """Check the codes. Only a shifting or sliding contact may have a speed, and only a turning contact a rate."""
+    is_contradictory = (message.moving & Moving.STILL and message.moving != Moving.STILL
+                        or message.moving & ACROSS == ACROSS)
+    if (is_contradictory or message.moving > sum(Moving) or message.observable > MOST_OBSERVABLE
+            or message.last_event > max(EventKind)):
         return RejectReason.UNKNOWN_CODE
     of_slide, of_turn = (message.speed, message.direction), (message.rate,)
     if any(map(math.isinf, (*of_slide, *of_turn))):
         return RejectReason.NOT_FINITE
-    for state, values in ((Moving.SLIDING, of_slide), (Moving.TURNING, of_turn)):
+    for state, values in ((ACROSS, of_slide), (Moving.TURNING, of_turn)):
         if not message.moving & state and any(value and not math.isnan(value) for value in values):
             return RejectReason.INCONSISTENT
     return RejectReason.INCONSISTENT if message.speed < 0 else check_duration(message.last_event_age)

@@ -20,6 +20,7 @@ from tactile_node.contact.press import SMALLEST_CONTACT
 from tactile_node.grasp.opening import HIGHEST_GAP
 from tactile_node.grasp.tracker import GraspSettings
 from tactile_node.parameter import parameter
+from tactile_node.pose.motion import SHIFT_PER_LOAD
 from tactile_node.shape.recognition import DEFAULT_METHOD
 from tactile_node.taxel_frame import LEAST_BY_UNIT, PRESS_BY_UNIT, RELEASE_RATIO
 
@@ -179,6 +180,9 @@ class ClassifierSettings(ReceiverSettings):
     fit: bool = parameter(True, 'true: fit pose and size; false: do not fit')
     solid_height: float = parameter(0.0, 'height of the solid that is added to each shape [m]; 0: none', 0, 10)
     full_scale: float = parameter(0.0, FULL_SCALE.format('markers'), 0, 1e9)
+    shift_per_load: float = parameter(SHIFT_PER_LOAD, 'largest shift of a contact that does not slide, divided by the '
+                                      'load along the pad as a share of the normal force [m]; up to half of this '
+                                      'value, a movement is reported as a shift', 1e-4, 1)
 
 
 @dataclass(frozen=True)

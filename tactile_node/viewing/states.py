@@ -41,7 +41,7 @@ def moving_words(moving: int, speed: float, rate: float, event: int, age: float)
     moving
         Sum of `Moving` flags.
     speed
-        Speed of the slide [m/s].
+        Speed of the shift or slide [m/s].
     rate
         Rate of turning [rad/s].
     event
@@ -55,7 +55,8 @@ def moving_words(moving: int, speed: float, rate: float, event: int, age: float)
     >>> moving_words(Moving.SLIDING, 0.0123, math.nan, EventKind.SLIDING, 0.44)
     'sliding 12.3 mm/s, event: sliding 0.4 s ago'
     """
-    said = [f'sliding {1e3 * speed:.1f} mm/s'] if moving & Moving.SLIDING else []
+    said = [f'{word} {1e3 * speed:.1f} mm/s' for word, flag in (('shifting', Moving.SHIFTING),
+                                                                ('sliding', Moving.SLIDING)) if moving & flag]
     said += [f'turning {math.degrees(rate):.0f} deg/s'] if moving & Moving.TURNING else []
     said += [f'event: {EventKind(event).name.lower()} {age:.1f} s ago'] if event and age < SAID_FOR else []
     return ', '.join(said)
