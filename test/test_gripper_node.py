@@ -126,7 +126,7 @@ def test_a_grasp_has_a_known_force_unless_taxels_hide_it():
 
 def test_a_grasp_has_a_direction_of_a_slide_only_while_a_pad_reports_one():
     motions = [ContactMotion(moving=ContactMotion.SLIDING | ContactMotion.TURNING, direction=1.0),
-               ContactMotion(moving=ContactMotion.TURNING, direction=2.0)]
+               ContactMotion(moving=ContactMotion.SHIFTING | ContactMotion.TURNING, direction=2.0)]
     left, right = touch_of(two_sided(motions=motions), 5.0).slides
     assert left == 1.0 and math.isnan(right)
 

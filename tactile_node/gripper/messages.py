@@ -154,4 +154,4 @@ def touch_of(grasp: Grasp, acquired: float) -> TouchReading:
                 grasp.at_edge)]
     slides = [each.direction if each.moving & each.SLIDING else math.nan for each in grasp.motions]
     return TouchReading(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]),
-                 force_sd=2 * grasp.grip_force_sd, slides=(slides[0], slides[1]))
+                        force_sd=2 * grasp.grip_force_sd, slides=(slides[0], slides[1]))
