@@ -1,6 +1,7 @@
 """Tests of batched reading: how the driver reads a bus, when the CAN frames arrived, and which SYNCs it omits."""
 
 import os
+import select
 import threading
 import time
 from math import inf
@@ -88,11 +89,11 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
         bus.recv_all(0.05)
         before = time.monotonic()
         os.write(adapter, b't1A02AABB\rt1A02')
-        time.sleep(0.05)  # A kernel thread needs this time to pass the bytes through the pseudo-terminal.
+        select.select([bus], [], [], 60)  # a kernel thread passes the bytes through the pseudo-terminal
         after, until = (batch := bus.recv_all(60)).came
         assert after < before < until and len(batch.messages) == 1
         os.write(adapter, b'CCDD\r')  # The first part of this line was sent before the last read.
-        time.sleep(0.05)
+        select.select([bus], [], [], 60)
         second = bus.recv_all(60)
         assert second.came[0] < until and bytes(second.messages[0].data) == b'\xCC\xDD'
         asked = time.monotonic()
