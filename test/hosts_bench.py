@@ -223,7 +223,7 @@ def cut_and_mend(world: HostsWorld, cut: Callable[[], None], mend: Callable[[], 
     try:
         world.wait_for_no_contact()
         assert world.false(FalseClaim('held', held), back).seconds == 0
-        assert {world.latest(side)['shape'] for side in PADS} == {'NONE'}
+        world.wait(lambda: {world.latest(side)['shape'] for side in PADS} == {'NONE'}, 'pads without a shape')
     finally:
         world.skin.set(is_there=True)
     world.hold_again(time.monotonic())
