@@ -148,29 +148,29 @@ def test_a_missing_parameter_file_is_reported(capsys):
 
 def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
     code = demo(['--areas', '40', '--output', str(tmp_path)])
+    printed = capsys.readouterr().out
+    # On a busy machine, a touch may end before the demo has read its frames, and the demo then exits with code 1.
+    if code == 1 and 'too slow or too busy' in printed:
+        raise TooSlowError('the demo missed touches')
+    assert code == 0, printed
     from rosbags.rosbag2 import Reader
     with Reader(tmp_path / 'bag') as bag:
         counts = {connection.topic: connection.msgcount for connection in bag.connections}
     assert set(counts) == {'/grasp'} | {
         f'/{pad}/{topic}' for pad in ('left', 'right')
         for topic in ('taxels', 'contact', 'features', 'shape', 'image', 'image_colour', 'markers', 'wrench')}
-    assert code or min(counts.values()) > 50
+    assert min(counts.values()) > 50
     with (tmp_path / 'touches.csv').open(encoding='utf-8') as file:
         touches = list(csv.DictReader(file))
     given = Counter(2 * ['circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle'])
     found = Counter(touch['true'] for touch in touches)
-    assert found <= given and (code or found == given)
+    assert found == given
     for pad in ('left', 'right'):
         assert (tmp_path / f'touches_{pad}.png').read_bytes().startswith(b'\x89PNG')
     assert b'#' in (tmp_path / 'can.log').read_bytes()
-    printed = capsys.readouterr().out
     assert 'touches recognised' in printed and 'as seen by a planner in another process: median' in printed
     assert demo(['--output', str(tmp_path)]) == 2
     assert '--force' in capsys.readouterr().err, 'earlier results are kept'
-    # On a busy machine, a touch may end before the demo has read its frames. All other output is complete.
-    if code == 1 and 'too slow or too busy' in printed:
-        raise TooSlowError('the demo missed touches')
-    assert code == 0
 
 
 def test_a_parameter_that_cannot_work_is_refused_at_once():
