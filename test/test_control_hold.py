@@ -10,7 +10,8 @@ from tactile_node.gripper.rules.closing import ForceReading, Outcome
 from tactile_node.gripper.rules.holding import BLIND_TIME
 from tactile_node.gripper.rules.touch_settings import TouchSettings
 
-LIMITS, FORCE = TouchSettings(), 5.0
+LIMITS = TouchSettings()
+FORCE = 5.0  # Force of the goal that the hold keeps [N].
 DEADBAND = LIMITS.stiffness * LIMITS.gripper_step + LIMITS.overshoot(LIMITS.slow_speed)
 SHRINKS = 0.0015  # Decrease in the object's width [m], which reduces the force by 1.5 N.
 

@@ -1,7 +1,7 @@
-"""A gripper that carries out the goals of its own action, and two pads that press on a simulated spring.
+"""A simulated gripper with two pads, without ROS.
 
-The gripper and the pads know no ROS. The clock of the bench is virtual, and a bench calls ``step`` of both once in each
-STEP.
+The gripper carries out the goals of its own action. Its pads press on a spring. The clock of a bench is virtual, and
+the bench calls ``step`` of the gripper and of the pads once in each STEP.
 """
 
 import math

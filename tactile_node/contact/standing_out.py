@@ -43,6 +43,18 @@ MOST_SPECKS = 2
 PLANE_TAXELS = 12    #: Smallest number of taxels from which a tilt can be computed.
 STEEPEST_TILT = 0.5  #: Largest deviation of the tilted level from its mean, as a share of the mean.
 
+SKIRT_REACH = 2  #: Distance from a contact at which only its halo, and not its rim, is visible [taxels].
+LEAST_SKIRT = 8  #: Smallest number of taxels that can show a halo.
+#: Quantile of the readings around a contact at which the halo is measured. A halo surrounds its contact on all sides.
+#: Around a tilted or uneven contact without a halo, the lowest quarter of the readings is at rest.
+ALL_ROUND = 0.25
+#: Smallest halo, as a share of the contact's mean reading. Simulated contacts on elastic layers, and contacts on arrays
+#: that read 0 at rest, have smaller halos.
+LEAST_HALO = 0.02
+#: Distance over which a halo falls to about a third (1/e) [taxels]. The value was chosen with simulated halos of five
+#: profiles.
+HALO_LENGTH = 4.0
+
 
 class Threshold(NamedTuple):
     """Limits above which a taxel stands out, in the unit of the values."""
@@ -177,20 +189,6 @@ def _significant(pressed: np.ndarray, strong: np.ndarray) -> np.ndarray:
     keeps[groups[pressed & strong]] = True
     keeps[0] = False
     return keeps[groups]
-
-
-SKIRT_REACH = 2  #: Distance from a contact at which only its halo, and not its rim, is visible [taxels].
-LEAST_SKIRT = 8  #: Smallest number of taxels that can show a halo.
-
-#: Quantile of the readings around a contact at which the halo is measured. A halo surrounds its contact on all sides.
-#: Around a tilted or uneven contact without a halo, the lowest quarter of the readings is at rest.
-ALL_ROUND = 0.25
-#: Smallest halo, as a share of the contact's mean reading. Simulated contacts on elastic layers, and contacts on arrays
-#: that read 0 at rest, have smaller halos.
-LEAST_HALO = 0.02
-#: Distance over which a halo falls to about a third (1/e) [taxels]. The value was chosen with simulated halos of five
-#: profiles.
-HALO_LENGTH = 4.0
 
 
 def halo_of(raised: np.ndarray, valid: np.ndarray, pressed: np.ndarray) -> np.ndarray | None:

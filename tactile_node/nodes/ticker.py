@@ -15,7 +15,7 @@ logger = logging.getLogger(__name__)
 
 
 class Ticker:
-    """Calls a function periodically, on a thread of its own or on rclpy's executor.
+    """Calls a function periodically. The ticker has a thread of its own, unless it uses rclpy's executor.
 
     Before each timer callback, rclpy's executor prepares all entities of the process twice, which takes 1 ms for the
     nodes of a gripper. A thread also runs on while the executor or the chain is blocked. The executor calls the

@@ -20,6 +20,31 @@ from tactile_node.shape.recognition import Shape
 
 WHITE_CORNERS = np.sqrt(8)  #: Distance from the centre to a corner of an equilateral triangle with variance 1.
 LEAST_VARIANCE = 0.05       #: Smallest variance along x and y, because even a single line of taxels has a width.
+#: A less likely starting point is chosen if its cost is below this share of the likeliest starting point's cost.
+CLEAR_RATIO = 0.25
+FIRST_NOISE = 0.05      #: Noise that the coarse pass assumes for each taxel value [fraction of level].
+COARSE_TOLERANCE = 0.3  #: The coarse pass stops at a step shorter than this [pitches].
+COARSE_STEPS = 10       #: Largest number of steps of the coarse pass.
+FINE_TOLERANCE = 0.05   #: The fine pass stops at a step shorter than this [pitches].
+FINE_STEPS = 6          #: Largest number of steps of the fine pass.
+LONGEST_STEP = 1.0      #: Largest change of a parameter in one step [pitches, radians or relative].
+FOLLOWING_STEPS = 3     #: Largest number of steps for following an outline. A contact at rest needs one step.
+NEAR_OUTLINE = 0.05     #: Largest change of the outline for which a linear model is accurate [pitches, radians].
+NEAR_EXTRAS = 0.1       #: Largest change of the model's extras for which a linear model is accurate.
+
+# The thresholds for domes were chosen on the training seeds so that few punches and few even pressures are mistaken for
+# domes.
+CIRCLE_PEAK = 0.3        #: A circular contact with a higher fitted peak is not a dome.
+BALL_PEAK = -0.05        #: A circular contact with a lower fitted peak may be a ball.
+DOME_CURVATURE = -0.005  #: Residuals with a lower curvature may come from a dome.
+
+# A dome can look like an even pressure on deep taxels. The contact may be a dome if both of these limits are exceeded.
+BAD_MISFIT = 2.0  #: weighted sum of squared residuals per taxel
+DEEP_LAYER = 0.5  #: depth of the taxels [pitches]
+
+#: A circular contact with a lower fitted peak is not a punch. No punch, sharp or rounded, presses this much harder at
+#: its centre.
+NO_PUNCH_PEAK = -0.3
 
 #: A starting point: the parameters of the outline [pitches, rad], and its handedness.
 Start: TypeAlias = tuple[np.ndarray, int]
@@ -90,33 +115,6 @@ def _isosceles_triangles(corners: np.ndarray, margin: float) -> list[Start]:
 def _best(misfit: np.ndarray, margin: float) -> list[int]:
     order = np.argsort(misfit)
     return [int(i) for i in order if misfit[i] <= misfit[order[0]] + margin]
-
-
-#: A less likely starting point is chosen if its cost is below this share of the likeliest starting point's cost.
-CLEAR_RATIO = 0.25
-FIRST_NOISE = 0.05      #: Noise that the coarse pass assumes for each taxel value [fraction of level].
-COARSE_TOLERANCE = 0.3  #: The coarse pass stops at a step shorter than this [pitches].
-COARSE_STEPS = 10       #: Largest number of steps of the coarse pass.
-FINE_TOLERANCE = 0.05   #: The fine pass stops at a step shorter than this [pitches].
-FINE_STEPS = 6          #: Largest number of steps of the fine pass.
-LONGEST_STEP = 1.0      #: Largest change of a parameter in one step [pitches, radians or relative].
-FOLLOWING_STEPS = 3     #: Largest number of steps for following an outline. A contact at rest needs one step.
-NEAR_OUTLINE = 0.05     #: Largest change of the outline for which a linear model is accurate [pitches, radians].
-NEAR_EXTRAS = 0.1       #: Largest change of the model's extras for which a linear model is accurate.
-
-# The thresholds for domes were chosen on the training seeds so that few punches and few even pressures are mistaken for
-# domes.
-CIRCLE_PEAK = 0.3        #: A circular contact with a higher fitted peak is not a dome.
-BALL_PEAK = -0.05        #: A circular contact with a lower fitted peak may be a ball.
-DOME_CURVATURE = -0.005  #: Residuals with a lower curvature may come from a dome.
-
-# A dome can look like an even pressure on deep taxels. The contact may be a dome if both of these limits are exceeded.
-BAD_MISFIT = 2.0  #: weighted sum of squared residuals per taxel
-DEEP_LAYER = 0.5  #: depth of the taxels [pitches]
-
-#: A circular contact with a lower fitted peak is not a punch. No punch, sharp or rounded, presses this much harder at
-#: its centre.
-NO_PUNCH_PEAK = -0.3
 
 
 class Candidate(NamedTuple):

@@ -16,6 +16,10 @@ from tactile_node.pose.rim import Rim, is_cut, reach, rim_of
 from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
 from tactile_node.taxel_frame import read_only
 
+#: Shapes with axes that run from one side to the opposite side, so that a length can be a bound. A triangle is
+#: completed instead, and its standard deviations show the uncertainty.
+UPRIGHT_SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
+
 
 class ShapeFit(NamedTuple):
     """Pose and size of a contact in the pad frame, in metres.
@@ -195,11 +199,6 @@ def fit_shape(values: np.ndarray, mask: np.ndarray, shape: ShapeClass, pitch: fl
     outline = outlines.setdefault(shape, OutlineFit(shape))
     outline.estimate(evidence, layer, stamp)
     return ShapeFit.of(outline, pitch)
-
-
-#: Shapes with axes that run from one side to the opposite side, so that a length can be a bound. A triangle is
-#: completed instead, and its standard deviations show the uncertainty.
-UPRIGHT_SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE)
 
 
 def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, layer: Layer | None = None,

@@ -29,6 +29,16 @@ COUNT = 9 + 2 * len(MOMENT_ORDERS) + HARMONICS + LIKENESS_COUNT  #: Number of va
 LOG_TAXELS = 0  #: Index of the log of the contact's number of taxels.
 OVERLAPS = slice(COUNT - LIKENESS_COUNT, COUNT - 1)  #: Indices of the overlaps with FIGURES.
 
+FLATTEST_RATIO = 0.02  #: Smallest second moment across the contact, as a share of the mean of both second moments.
+SIDE_ANGLES = np.arange(4) * np.pi / 2  #: Directions from the centre to a rectangle's sides [rad].
+#: Directions from the centre to an equilateral triangle's sides if its third moment is real [rad]. One side is listed
+#: twice.
+CORNER_ANGLES = np.array((1, -1 / 3, 1 / 3, 1)) * np.pi
+#: Distance of an equilateral triangle's sides from its centre if its second moments are 1.
+TRIANGLE_DISTANCE = 2 ** 0.5
+DISC_RADIUS = np.pi ** -0.5
+HALF_CELL = np.float32(0.5)
+
 
 def _expansion(p: int, q: int) -> np.ndarray:
     """Return the coefficients of y^a x^b in (x + iy)^p (x - iy)^q, shape ((HIGHEST_ORDER + 1)^2,)."""
@@ -128,18 +138,6 @@ def _hull_moments(support: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.n
     area = down.sum(1)
     y, x = (place - ((profile * place).sum(1) / area)[:, None] for profile, place in ((down, y), (across, x)))
     return np.concatenate(((total / area)[:, None], _magnitudes(_moments(filled, y, x, area))), 1)
-
-
-FLATTEST_RATIO = 0.02  #: Smallest second moment across the contact, as a share of the mean of both second moments.
-SIDE_ANGLES = np.arange(4) * np.pi / 2  #: Directions from the centre to a rectangle's sides [rad].
-
-#: Directions from the centre to an equilateral triangle's sides if its third moment is real [rad]. One side is listed
-#: twice.
-CORNER_ANGLES = np.array((1, -1 / 3, 1 / 3, 1)) * np.pi
-#: Distance of an equilateral triangle's sides from its centre if its second moments are 1.
-TRIANGLE_DISTANCE = 2 ** 0.5
-DISC_RADIUS = np.pi ** -0.5
-HALF_CELL = np.float32(0.5)
 
 
 def _likeness(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray, moments: np.ndarray) -> np.ndarray:

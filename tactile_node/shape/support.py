@@ -43,6 +43,14 @@ CLEARLY_ROUNDER = 0.02
 LOW_SHARE = 0.2
 LEAST_HELD = 0.5  #: Probability that a confident shape must also have along the low outline.
 
+#: Smallest share of its hull that each of the five shapes fills, after small gaps are closed and rims are filled. The
+#: value was chosen on the validation seeds.
+LEAST_CONVEXITY = 0.7
+PARTIAL_LEVEL = 0.2  #: Taxels with a pressure above this share of the contact's mean belong to the contact.
+HULL_ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))  #: Directions in which the hull is measured [rad].
+HULL_AXES = np.stack((np.cos(HULL_ANGLES), np.sin(HULL_ANGLES)))  #: Unit vector of each direction, one per column.
+HULL_ROUNDING = 0.01  #: Points up to this distance outside the hull count as inside [pitches].
+
 
 def as_far_as_supported(found: Recognition, pattern: ContactPattern) -> Recognition:
     """Return ``found`` with its confidence limited by the number of taxels of ``pattern``.
@@ -131,15 +139,6 @@ def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
 def _is_sure(found: Recognition) -> bool:
     """Return True if ``found`` reports one of the five shapes with a confidence of SURE or more."""
     return not isinstance(found.shape, TaughtShape) and found.shape in FIGURE_OF and found.confidence >= SURE
-
-
-#: Smallest share of its hull that each of the five shapes fills, after small gaps are closed and rims are filled. The
-#: value was chosen on the validation seeds.
-LEAST_CONVEXITY = 0.7
-PARTIAL_LEVEL = 0.2  #: Taxels with a pressure above this share of the contact's mean belong to the contact.
-HULL_ANGLES = np.radians(np.arange(0.0, 180.0, 7.5))  #: Directions in which the hull is measured [rad].
-HULL_AXES = np.stack((np.cos(HULL_ANGLES), np.sin(HULL_ANGLES)))  #: Unit vector of each direction, one per column.
-HULL_ROUNDING = 0.01  #: Points up to this distance outside the hull count as inside [pitches].
 
 
 def is_convex(values: np.ndarray, mask: np.ndarray) -> bool:

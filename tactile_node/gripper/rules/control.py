@@ -50,7 +50,7 @@ class Duplicates(Protocol):
 
 
 class Wish(NamedTuple):
-    """What a client's goal asks for. A speed or a force is 0 if the goal gives none."""
+    """The request in a client's goal. A speed or a force is 0 if the goal gives none."""
 
     opening: float  #: [m]
     speed: float = 0.0  #: [m/s]
@@ -69,7 +69,7 @@ class Ending(NamedTuple):
 
     @property
     def is_usual(self) -> bool:
-        """True if nobody needs to look into the outcome."""
+        """True for a success, and for a hold that a new goal has replaced. All other outcomes are logged."""
         return self.outcome in SUCCESSES or (self.is_hold and self.outcome is Outcome.REPLACED)
 
 
