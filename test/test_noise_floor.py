@@ -204,3 +204,60 @@ def test_a_few_taxels_far_below_the_others_hide_no_contact(taxels, below):
     counts = np.full(256, 1000)
     counts[:taxels] = 0
     assert resting_of(counts.astype(float)) == (1000, 0)
+
+
+#: Level at rest before a skin cuts off the readings below its zero, and the steps of its values, in standard deviations
+#: of the noise.
+CUTS = {'half of the noise': (0.0, 1e-9), 'more than half': (-0.5, 1e-9), 'less than half': (0.6, 1e-9),
+        '8 bits': (0.0, 0.39)}
+
+
+@pytest.fixture(params=CUTS.values(), ids=CUTS)
+def cut_off(request):
+    """Return a function that yields the readings of a skin that reads no values below its zero."""
+    rest, step = request.param
+    rng = np.random.default_rng(21)
+
+    def readings(frames, noise, pressed=0.0):
+        for _ in range(frames):
+            values = (pressed + noise * (rest + rng.standard_normal((16, 16)))) / (step * noise)
+            yield np.maximum(np.rint(values), 0) * step * noise
+    return readings
+
+
+@pytest.mark.parametrize('unit', NOISE)
+def test_a_pad_that_reads_nothing_below_zero_is_empty_at_rest(unit, cut_off):
+    extractor = PatternExtractor(unit=unit)
+    empty = [extractor.extract(frame).contacts == 0 for frame in cut_off(200, NOISE[unit])]
+    assert np.mean(empty) > 0.98
+
+
+@pytest.mark.parametrize('height', [6.0, 15.0])
+@pytest.mark.parametrize('unit', NOISE)
+def test_a_contact_on_such_a_pad_is_found_whole_and_alone(unit, height, cut_off):
+    extractor, held = PatternExtractor(unit=unit), np.zeros((16, 16))
+    held[4:11, 5:12] = height * NOISE[unit]
+    for frame in cut_off(30, NOISE[unit]):
+        extractor.extract(frame)
+    for frame in cut_off(300, NOISE[unit], held):
+        found = extractor.extract(frame)
+        assert found.contacts == 1
+    assert np.count_nonzero(found.mask != (held > 0)) <= 2
+    assert np.median(found.noise) == pytest.approx(NOISE[unit], rel=0.3)
+
+
+RIDGES = {'columns': COLS % 3 == 0, 'rows': ROWS % 4 == 1, 'diagonals': (ROWS + COLS) % 4 == 0,
+          'pins': (ROWS % 2 == 0) & (COLS % 3 == 0), 'knurl': (ROWS + COLS) % 2 == 0}
+
+
+@pytest.mark.parametrize('ridges', [*RIDGES.values(), 'scattered'], ids=[*RIDGES, 'scattered'])
+@pytest.mark.parametrize('noise', [0.0, 0.02])
+def test_ridges_and_pins_on_such_a_pad_are_not_noise(ridges, noise):
+    """A gripper holds a rasp or a brush. A planner that reads "empty" would drop it."""
+    rng, extractor = np.random.default_rng(23), PatternExtractor()
+    ridges = rng.random(SHAPE) < 0.25 if isinstance(ridges, str) else ridges
+    for pressure in (0.0, 1.0, 1.0):
+        for _ in range(30):
+            gains = rng.uniform(0.8, 1.2, SHAPE)
+            found = extractor.extract(np.maximum(pressure * ridges * gains + noise * rng.standard_normal(SHAPE), 0))
+        assert (found.contacts > 0) == (pressure > 0)

@@ -4,6 +4,7 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from tactile_node.contact.neighbours import grown, sum_around
 from tactile_node.taxel_frame import read_only
@@ -24,6 +25,15 @@ CLIPPED_WIDTH = 0.972  #: Factor by which the clipping limit makes the standard 
 FAR_DISTANCES = 10.0
 MANY_VALUES = 64  #: Smallest number of values for which the octile and the quartile are reliable.
 MOST_ROUNDS = 12  #: Largest number of rounds of the iteration. In practice, 3 to 6 rounds suffice.
+
+#: Many skins read no values below their zero, so that much of the noise at rest reads exactly 0. This is the smallest
+#: share of equal lowest values from which such a skin is recognised.
+CUT_SHARE = 0.05
+#: In a normal probability plot, noise is a straight line from the lowest value to the first third of the other values
+#: and on to the second third. The slopes of the two parts differ at most by this factor.
+STRAIGHT = 3.0
+#: Largest correlation between neighbouring readings of noise, multiplied by the square root of the number of pairs.
+INDEPENDENT = 4.0
 
 
 class Resting(NamedTuple):
@@ -123,6 +133,62 @@ def _step(ordered: np.ndarray) -> float:
     return float(gaps.min()) if 0 < 4 * len(gaps) < len(ordered) else 0.0
 
 
+def are_cut_off(values: np.ndarray) -> bool:
+    """Return True if CUT_SHARE of the ``values`` or more equal the lowest value.
+
+    >>> are_cut_off(np.array([0.0, 0.0, 0.3, 1.2])), are_cut_off(np.linspace(-2, 2, 30))
+    (True, False)
+    """
+    return np.count_nonzero(values == values.min(initial=np.inf)) >= CUT_SHARE * max(values.size, 1)
+
+
+def resting_cut_off(values: np.ndarray, valid: np.ndarray) -> Resting:
+    """Return the level and the noise at rest for a skin that cuts off its lowest readings.
+
+    The readings above the lowest one show the upper part of the noise. The result is known only if these readings
+    cannot come from a contact: neighbouring readings are independent, and their distribution is normal.
+
+    Parameters
+    ----------
+    values : np.ndarray
+        Taxel values, float (rows, cols).
+    valid : np.ndarray
+        Taxels with a valid value, bool (rows, cols). Some of their values equal the lowest value (`are_cut_off`).
+
+    Returns
+    -------
+    Resting
+        Level and standard deviation in the unit of ``values``; UNKNOWN_REST if something may press the pad. The
+        deviation is 0 if fewer than FEWEST_TAXELS taxels differ from the lowest value.
+    """
+    seen = values[valid]
+    readings, counts = np.unique(seen, return_counts=True)
+    lowest = readings.item(0)
+    above = seen.size - counts.item(0)
+    if above < FEWEST_TAXELS:
+        return Resting(lowest, 0.0)
+    reached = counts.cumsum()
+    places = [0, *reached[:-1].searchsorted((seen.size - 2 / 3 * above, seen.size - above / 3))]
+    if not 0 < places[1] < places[2] < readings.size - 1:
+        return UNKNOWN_REST
+    # A value stands for all readings that round to it, up to halfway to the next value.
+    heights = [(readings.item(place) + readings.item(place + 1)) / 2 - lowest for place in places]
+    spreads = [float(ndtri(reached.item(place) / seen.size)) for place in places]
+    slope, next_slope = ((heights[k + 1] - heights[k]) / (spreads[k + 1] - spreads[k]) for k in (0, 1))
+    if not slope < STRAIGHT * next_slope < STRAIGHT**2 * slope or not _are_independent(values, valid):
+        return UNKNOWN_REST
+    deviation = (heights[2] - heights[0]) / (spreads[2] - spreads[0])
+    return Resting(lowest + max(heights[0] - spreads[0] * deviation, 0.0), deviation)
+
+
+def _are_independent(values: np.ndarray, valid: np.ndarray) -> bool:
+    """Return True if the readings of neighbours along rows, columns and both diagonals are not correlated."""
+    off = np.where(valid, values - values[valid].mean(), 0.0)
+    pairs = ((off[:, 1:], off[:, :-1]), (off[1:], off[:-1]), (off[1:, 1:], off[:-1, :-1]), (off[1:, :-1], off[:-1, 1:]))
+    variance = (off * off).sum() / np.count_nonzero(valid)
+    return all(abs((one * other).sum()) <= INDEPENDENT * variance * sqrt(one.size) for one, other in pairs)
+
+
 LEARNED_FRAMES = 25      #: Number of frames at rest after which a taxel's own noise is used.
 REMEMBERED_FRAMES = 500  #: Number of frames at rest over which the noise is averaged (10 s at 50 Hz).
 
@@ -194,8 +260,14 @@ class NoiseFloor:
         noise : np.ndarray
             Standard deviation of each taxel at rest, float (rows, cols), read-only; 0 while it is unknown.
         """
-        self.of_frame = resting_of(values[valid])
-        self._last = self._followed(self.of_frame)
+        self.of_frame = found = resting_of(values[valid])
+        if found.is_known and are_cut_off(values[valid]):
+            found = resting_cut_off(values, valid)
+            if found.is_known:
+                self.of_frame = found
+            elif self._is_first:
+                found = self.of_frame
+        self._last = self._followed(found)
         if self._frames.shape != values.shape:
             self._squares, self._frames = np.zeros((2, *values.shape))
         deviation = self._last.deviation
@@ -233,7 +305,8 @@ class NoiseFloor:
         limit = self._highest
         if not self._is_first:
             limit = min(limit, level + max(TAKEN_SPREADS * deviation, COVERED_SCATTER * found.deviation))
-        if not found.is_known or found.level > limit:  # an object covers the whole pad or nearly all of it
+        # An object covers the whole pad or nearly all of it, or it presses a skin that cuts off its lowest readings.
+        if not found.is_known or found.level > limit:
             return self._last
         rise = np.inf if self._is_first else FOLLOWED_RISE * found.deviation
         self._is_first = False
