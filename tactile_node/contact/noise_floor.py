@@ -139,7 +139,7 @@ def are_cut_off(values: np.ndarray) -> bool:
     >>> are_cut_off(np.array([0.0, 0.0, 0.3, 1.2])), are_cut_off(np.linspace(-2, 2, 30))
     (True, False)
     """
-    return np.count_nonzero(values == values.min(initial=np.inf)) >= CUT_SHARE * max(values.size, 1)
+    return bool(np.count_nonzero(values == values.min(initial=np.inf)) >= CUT_SHARE * max(values.size, 1))
 
 
 def resting_cut_off(values: np.ndarray, valid: np.ndarray) -> Resting:
