@@ -18,6 +18,7 @@ from tactile_node.interruption import ignore_interruptions
 from tactile_node.output_file import check_new
 
 PICTURE = 'touches_{pad}.png'
+NOT_EMPTY = 'The pads were not reported as empty before the first touch'
 MADE = ('bag', 'can.log', 'touches.csv', *(PICTURE.format(pad=pad) for pad in PADS))
 
 
@@ -71,6 +72,8 @@ def _conclude(folder: Path, session: DemoSession, verdicts: list) -> int:
     """Print where the results are, and return 0 if every touch has a verdict and every result exists."""
     print(f'\n{report.score(verdicts)}\n{report.speed(session.performance)}\n'
           f'{session.watcher.incomplete} taxel frames incomplete.')
+    if not session.began_empty:
+        print(f'{NOT_EMPTY}.')
     missing = [name for name in MADE if not (folder / name).exists()]
     if session.recorded == 0:
         missing.append('messages in the bag')

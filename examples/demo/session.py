@@ -94,6 +94,7 @@ class DemoSession:
         self._begin: float | None = None  # time at which the script begins [s, Unix epoch]
         self._height = 0
         self.recorded = 0  #: number of messages in the bag
+        self.began_empty = False  #: True if both pads were reported as empty before the first touch
         self.performance = Performance((), frames=0, skin_late=0.0)
 
     def __enter__(self) -> 'DemoSession':
@@ -161,9 +162,10 @@ class DemoSession:
         On an overloaded machine, the pads may never be reported as empty.
         """
         give_up = time.monotonic() + PATIENCE
-        while not self.watcher.is_empty and time.monotonic() < give_up:
+        while not (is_empty := self.watcher.is_empty) and time.monotonic() < give_up:
             self._check()
             time.sleep(DRAW_PERIOD)
+        self.began_empty = is_empty
 
     def _check(self) -> None:
         self._spinner.check()
