@@ -225,21 +225,20 @@ def cut_off(request):
     return readings
 
 
-@pytest.mark.parametrize('unit', NOISE)
+@each(('Pa',), (None,), unit=NOISE)
 def test_a_pad_that_reads_nothing_below_zero_is_empty_at_rest(unit, cut_off):
     extractor = PatternExtractor(unit=unit)
-    empty = [extractor.extract(frame).contacts == 0 for frame in cut_off(200, NOISE[unit])]
+    empty = [extractor.extract(frame).contacts == 0 for frame in cut_off(100, NOISE[unit])]
     assert np.mean(empty) > 0.98
 
 
-@pytest.mark.parametrize('height', [6.0, 15.0])
-@pytest.mark.parametrize('unit', NOISE)
+@each((6.0, 'Pa'), (15.0, None), height=(6.0, 15.0), unit=NOISE)
 def test_a_contact_on_such_a_pad_is_found_whole_and_alone(unit, height, cut_off):
     extractor, held = PatternExtractor(unit=unit), np.zeros((16, 16))
     held[4:11, 5:12] = height * NOISE[unit]
     for frame in cut_off(30, NOISE[unit]):
         extractor.extract(frame)
-    for frame in cut_off(300, NOISE[unit], held):
+    for frame in cut_off(300 if LONG else 60, NOISE[unit], held):
         found = extractor.extract(frame)
         assert found.contacts == 1
     assert np.count_nonzero(found.mask != (held > 0)) <= 2
@@ -256,7 +255,7 @@ def test_ridges_and_pins_on_such_a_pad_are_not_noise(ridges, noise):
     """A gripper holds a rasp or a brush. A planner that reads "empty" would drop it."""
     rng, extractor = np.random.default_rng(23), PatternExtractor()
     ridges = rng.random(SHAPE) < 0.25 if isinstance(ridges, str) else ridges
-    for pressure in (0.0, 1.0, 1.0):
+    for pressure in (0.0, 1.0):
         for _ in range(30):
             gains = rng.uniform(0.8, 1.2, SHAPE)
             found = extractor.extract(np.maximum(pressure * ridges * gains + noise * rng.standard_normal(SHAPE), 0))
