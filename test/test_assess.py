@@ -30,7 +30,7 @@ from tactile_node.simulator.world import random_contact
 from training.ground_truth.seeds import Purpose, generator
 
 SIDE = 16
-FOREIGN = 'cross', 'l', 't'
+FOREIGN = {name: named_silhouette(name) for name in ('cross', 'l', 't')}
 # The gains of the taxels differ by a factor of up to 3.
 GAINS = np.exp(generator(Purpose.TEST, 780_000).uniform(-0.5, 0.5, (SIDE, SIDE)) * np.log(3))
 BLUR = 1.2  # This blur and the uneven gains make the recogniser overconfident.
@@ -38,7 +38,7 @@ BLUR = 1.2  # This blur and the uneven gains make the recogniser overconfident.
 
 def frame_of(name, rng, gains=GAINS, blur=BLUR):
     area = rng.uniform(30, 70)
-    contact = (random_figure(rng, named_silhouette(name), area, SIDE, SIDE) if name in FOREIGN
+    contact = (random_figure(rng, FOREIGN[name], area, SIDE, SIDE) if name in FOREIGN
                else random_contact(rng, name, area, SIDE, SIDE))
     return gains * pressure_frame(contact, rng, SIDE, SIDE, skin=Skin(blur=blur)) + 100 * rng.standard_normal(
         (SIDE, SIDE))
