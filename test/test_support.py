@@ -125,7 +125,15 @@ RING = DISC & (np.hypot(Y - 15, X - 20) >= 4.8)
     DISC, RING, DISC & (X // 2 != 9), RING & (X // 2 != 9), RING & (Y // 2 != 7), DISC & ((X + 2 * Y) % 7 != 0)],
     ids=['solid', 'rim', 'silent columns', 'rim, silent columns', 'rim, silent rows', 'silent taxels'])
 def test_a_solid_contact_and_a_rim_keep_a_sure_name(taxels):
-    assert as_far_as_it_is_filled(SURE_CIRCLE, taxels) is SURE_CIRCLE
+    assert as_far_as_it_is_filled(SURE_CIRCLE, taxels.astype(float), taxels) is SURE_CIRCLE
+
+
+def test_a_gap_causes_a_doubt_and_a_taxel_without_a_value_is_no_gap():
+    gaps = (X < 22) & (Y % 3 != 0)
+    taxels, values = DISC & ~gaps, DISC.astype(float)
+    assert as_far_as_it_is_filled(SURE_CIRCLE, np.where(gaps, np.nan, values), taxels) is SURE_CIRCLE
+    found = as_far_as_it_is_filled(SURE_CIRCLE, np.where(gaps, 0.0, values), taxels)
+    assert (found.confidence, found.doubt) == (pytest.approx(DOUBTED), UnknownReason.UNFAMILIAR)
 
 
 def of(taxels):

@@ -199,9 +199,12 @@ class ShapeRecogniser:
                 probabilities, _, geometry = self.probabilities([patch for _, patch in alike],
                                                                 [contacts[k] for k, _ in alike])
                 for (k, patch), of_outputs, numbers in zip(alike, probabilities.tolist(), geometry):
-                    mask, named = contacts[k][1], Recognition.of(dict(zip(self.outputs, of_outputs)))
-                    found[k] = (as_far_as_it_fits(named, int(np.count_nonzero(mask)), numbers[OVERLAPS])
-                                if patch.graded else as_far_as_it_is_filled(named, mask))
+                    named = Recognition.of(dict(zip(self.outputs, of_outputs)))
+                    if patch.graded:
+                        taxels = int(np.count_nonzero(contacts[k][1]))
+                        found[k] = as_far_as_it_fits(named, taxels, numbers[OVERLAPS])
+                    else:
+                        found[k] = as_far_as_it_is_filled(named, *contacts[k])
         return found
 
     def probabilities(self, patches: Sequence[Patch],

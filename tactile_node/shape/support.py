@@ -106,7 +106,7 @@ def as_far_as_it_fits(found: Recognition, taxels: int, overlaps: np.ndarray) -> 
     return found.no_surer_than(UNSUPPORTED, UnknownReason.UNFAMILIAR)
 
 
-def as_far_as_it_is_filled(found: Recognition, mask: np.ndarray) -> Recognition:
+def as_far_as_it_is_filled(found: Recognition, values: np.ndarray, mask: np.ndarray) -> Recognition:
     """Return the recognition of an on/off contact with its confidence limited by how the contact fills its hull.
 
     Each of the five shapes is either solid or pressed only along its rim. A contact with a pressed centre and large
@@ -116,12 +116,15 @@ def as_far_as_it_is_filled(found: Recognition, mask: np.ndarray) -> Recognition:
     ----------
     found : Recognition
         Recognition of the contact.
+    values : np.ndarray
+        Taxel values of the frame, float (rows, cols), with NaN for a missing value. Taxels without a value do not count
+        as gaps.
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
     """
     if not _is_sure(found) or np.count_nonzero(mask) < FIGURE_TAXELS:
         return found
-    inside, centre = _filled_inside(mask, (INNER_SIZE, CENTRAL_SIZE))
+    inside, centre = _filled_inside(mask, mask | np.isfinite(values), (INNER_SIZE, CENTRAL_SIZE))
     if inside >= SOLID_INSIDE or centre <= RIM_CENTRE:
         return found
     return found.no_surer_than(UNSUPPORTED, UnknownReason.UNFAMILIAR)
@@ -234,19 +237,21 @@ def _holes(rim: np.ndarray, at_edge: tuple[bool, bool, bool, bool]) -> np.ndarra
     return filled & ~rim
 
 
-def _filled_inside(mask: np.ndarray, sizes: tuple[float, ...]) -> list[float]:
-    """Return the share of pressed taxels in the hull of ``mask`` after the hull is reduced to each of ``sizes``.
+def _filled_inside(mask: np.ndarray, seen: np.ndarray, sizes: tuple[float, ...]) -> list[float]:
+    """Return the share of the ``seen`` taxels that is pressed, in the hull of ``mask`` reduced to each of ``sizes``.
 
     Rows and columns without a pressed taxel are left out, because they may be silent.
     """
-    seen = mask[mask.any(1)][:, mask.any(0)]
-    along = _along(seen)
-    middle = along[_hull(seen).reshape(-1)].mean(0)
-    pressed = seen.reshape(-1)
+    rows, cols = mask.any(1), mask.any(0)
+    contact, seen = mask[rows][:, cols], seen[rows][:, cols].reshape(-1)
+    along, pressed = _along(contact), contact.reshape(-1)
+    middle = along[_hull(contact).reshape(-1)].mean(0)
     low, high = along[pressed].min(0) - 0.5, along[pressed].max(0) + 0.5
-    inner = [((along >= middle + size * (low - middle)) & (along <= middle + size * (high - middle))).all(1)
-             for size in sizes]
-    return [np.count_nonzero(pressed & each) / max(np.count_nonzero(each), 1) for each in inner]
+    shares = []
+    for size in sizes:
+        inner = seen & ((along >= middle + size * (low - middle)) & (along <= middle + size * (high - middle))).all(1)
+        shares.append(np.count_nonzero(pressed & inner) / max(np.count_nonzero(inner), 1))
+    return shares
 
 
 def _hull(mask: np.ndarray) -> np.ndarray:
