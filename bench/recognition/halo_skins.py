@@ -23,8 +23,8 @@ from training.ground_truth.seeds import Purpose
 SEEDS = 970_000
 PADS = ((8, 16), (10, 18), (14, 14), (16, 24))  #: Rows and columns of the pads.
 AREAS = 20.0, 60.0    #: Range of the contacts' areas, log-uniform [taxels].
-BESIDE = (0.0, 0.1, 0.2, 0.3, 0.4)  #: Readings next to a contact, as a share of the contact's level.
-REACH = 0.7, 2.5      #: Range of the distance over which the halo falls to about a third [pitches].
+BESIDE = (0.0, 0.1, 0.2, 0.3)  #: Readings next to a contact, as a share of the contact's level.
+REACH = 1.2, 3.0      #: Range of the distance over which the halo falls to about a third [pitches].
 BLUR = 0.2, 0.7       #: Range of the blur at the edge of a contact [pitches].
 TILT = 0.35           #: Largest relative rise of the pressure over the contact's mean radius.
 GAINS = 0.25          #: Standard deviation of the logarithm of the taxels' gains.

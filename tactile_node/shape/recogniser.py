@@ -201,8 +201,8 @@ class ShapeRecogniser:
                 for (k, patch), of_outputs, numbers in zip(alike, probabilities.tolist(), geometry):
                     named = Recognition.of(dict(zip(self.outputs, of_outputs)))
                     if patch.graded:
-                        taxels = int(np.count_nonzero(contacts[k][1]))
-                        found[k] = as_far_as_it_fits(named, taxels, numbers[OVERLAPS])
+                        size = int(np.count_nonzero(contacts[k][1]))
+                        found[k] = as_far_as_it_fits(named, size, numbers[OVERLAPS])
                     else:
                         found[k] = as_far_as_it_is_filled(named, *contacts[k])
         return found

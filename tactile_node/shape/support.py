@@ -250,7 +250,7 @@ def _filled_inside(mask: np.ndarray, seen: np.ndarray, sizes: tuple[float, ...])
     shares = []
     for size in sizes:
         inner = seen & ((along >= middle + size * (low - middle)) & (along <= middle + size * (high - middle))).all(1)
-        shares.append(np.count_nonzero(pressed & inner) / max(np.count_nonzero(inner), 1))
+        shares.append(float(pressed[inner].mean()) if inner.any() else 0.0)
     return shares
 
 
