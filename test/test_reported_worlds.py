@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from bench.recognition import blemish, foreign, nothing, several
+from bench.recognition import blemish, foreign, halo_skins, nothing, several
 from bench.recognition.figures import Rate, p_value_behind
+from tactile_node.contact.neighbours import grown
 from tactile_node.shape.recognition import Shape
+from tactile_node.simulator.figures import coverage
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.ground_truth.overlap import best_overlap
 from training.ground_truth.seeds import Purpose, generator
@@ -38,6 +40,22 @@ def test_a_blemished_figure_is_still_most_like_its_shape(kind, shape):
     assert stamp.shape == shape
     assert 0.92 <= stamp.overlap < 0.995
     assert best_overlap(ndimage.binary_fill_holes(stamp.filled)).iou >= 0.915
+
+
+@pytest.mark.parametrize('beside', halo_skins.BESIDE[1:])
+def test_the_taxels_next_to_a_contact_read_the_stated_share(beside, monkeypatch):
+    shares, covered = [], []
+    monkeypatch.setattr(halo_skins, 'coverage', lambda *args: covered.append(coverage(*args)) or covered[-1])
+    for seed in range(30):
+        skin = halo_skins.HaloSkin(random_stream(seed), beside)
+        skin.gains[:] = 1.0
+        skin.rest[:] = 0.0
+        frame = skin.pressed('square')
+        inside = covered[-1] >= 0.5
+        around = grown(inside) & (covered[-1] == 0)
+        shares.append(np.median(frame[around]) / np.median(frame[inside]))
+    # The blur of a contact reaches the taxels next to it, too.
+    assert np.median(shares) == pytest.approx(beside, abs=0.03)
 
 
 def test_tables_say_how_many_were_counted():

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from bench.recognition import blind_spots, familiar, nothing, several, tables
+from bench.recognition import blind_spots, familiar, halo_skins, nothing, several, tables
 from bench.recognition.cases import Case, clean_cases, field_cases, mechanics_cases, seeded
 from bench.recognition.contest import OURS, Contest, Result
 from bench.recognition.idle import IDLE
@@ -27,7 +27,7 @@ class Amount(NamedTuple):
     clean: int      #: number of patterns in a clean case
     field: int
     mechanics: int
-    pads: int       #: number of pads of each kind with several contacts
+    pads: int       #: number of pads of each kind with several contacts, and of skins with each halo
     figures: int    #: number of figures per family of foreign shapes; each blemished shape gets a quarter of them
     pressed: int    #: number of frames for each family and size
     sequences: int  #: number of idle sequences of each kind
@@ -86,6 +86,14 @@ def several_contacts(run: Run) -> list[Table]:
     return [several.table(found)]
 
 
+def halo(run: Run) -> list[Table]:
+    found = []
+    for one in halo_skins.measured(run.recogniser, run.amount.pads, run.purpose):
+        found.append(one)
+        run.clock(f'halo: {100 * one.beside:g} % beside, {one.read}: {one.right} %')
+    return [halo_skins.table(found)]
+
+
 def speed(run: Run) -> list[Table]:
     return [tables.speed(run.contest, run.amount.repeat, run.purpose)]
 
@@ -136,8 +144,9 @@ def recordings(run: Run) -> list[Table]:
 
 SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
-    'blemish': blemish, 'several': several_contacts, 'blind-spots': spots, 'speed': speed, 'field': field}
-WITHOUT_ANCHORS = frozenset({'nothing', 'several'})
+    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'blind-spots': spots, 'speed': speed,
+    'field': field}
+WITHOUT_ANCHORS = frozenset({'nothing', 'several', 'halo'})
 AGAINST_ANCHORS = frozenset({'blind-spots', 'speed'})  #: Sections that only compare our method with the anchors.
 ALONE = frozenset({'speed'})
 LONGEST = 'blind-spots'  #: The longest section starts first, so that it does not run alone at the end.

@@ -59,6 +59,12 @@ FAULTS = (
          'cell has {patterns} contacts. The columns are areas. Each cell shows the share that our method recognises, '
          'on/off / pressures.',
          'Field conditions', ('condition',), across('area', of('ours, %'))),
+    View('Skins with a halo', 'The cover of these computed skins carries load sideways, so that the taxels next to a '
+         "contact also respond. The columns are these readings, in per cent of the contact's level. The gains of the "
+         'taxels differ by 25 %, and the skins never read zero. Each cell has {contacts} contacts of 20 to 60 taxels, '
+         'and shows the share recognised / with a name at a confidence of 0.9 or more. In the last row, the zero and '
+         'the gain of each taxel are known, the gains with an error of 10 %.', 'Skins with a halo', ('frames read',),
+         across('beside', of('recognised, %', 'sure, %'))),
     View('Hidden taxels', 'Contacts of 12-100 taxels lie in general position. Each TPDO carries 8 taxels of a row '
          '(`python bench/bench_hidden.py`, 600 contacts in each cell). Each cell shows the share of right answers / of '
          'answers with another shape at a confidence above 0.9, for the recogniser as shipped.',

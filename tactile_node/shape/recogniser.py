@@ -25,7 +25,13 @@ from tactile_node.shape.invariants import COUNT, LOG_TAXELS, OVERLAPS, describe_
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
-from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, is_convex, low_outline
+from tactile_node.shape.support import (
+    as_far_as_it_fits,
+    as_far_as_it_holds,
+    as_far_as_it_is_filled,
+    is_convex,
+    low_outline,
+)
 from tactile_node.shape.taught import Head, join, read_taught
 
 #: Class of each output of the networks. The order is part of the file format of the weights.
@@ -193,10 +199,12 @@ class ShapeRecogniser:
                 probabilities, _, geometry = self.probabilities([patch for _, patch in alike],
                                                                 [contacts[k] for k, _ in alike])
                 for (k, patch), of_outputs, numbers in zip(alike, probabilities.tolist(), geometry):
-                    found[k] = Recognition.of(dict(zip(self.outputs, of_outputs)))
+                    named = Recognition.of(dict(zip(self.outputs, of_outputs)))
                     if patch.graded:
-                        found[k] = as_far_as_it_fits(found[k], int(np.count_nonzero(contacts[k][1])),
-                                                     numbers[OVERLAPS])
+                        size = int(np.count_nonzero(contacts[k][1]))
+                        found[k] = as_far_as_it_fits(named, size, numbers[OVERLAPS])
+                    else:
+                        found[k] = as_far_as_it_is_filled(named, *contacts[k])
         return found
 
     def probabilities(self, patches: Sequence[Patch],
