@@ -25,7 +25,7 @@ FACE_DEPTH = 0.006      #: Length of the shorter side of a face of a block [m].
 FACES = {0.010: 0.022, 0.025: 0.018, 0.040: 0.014}  #: Length of the face of each gauge block, by its width [m].
 FOAM_WIDTH = 0.050      #: Width of the foam [m].
 FOAM_FACE = 0.018       #: Length of the face of the foam [m].
-FOAM_SHARE = 0.1        #: Stiffness of the foam, as a share of the stiffness of a block between the skins.
+FOAM_STIFFNESS = 1000.0  #: Stiffness of the foam without the skins [N/m].
 JOINT_NOISE = 5e-6      #: Standard deviation of the joint's noise, as an opening [m].
 PLAY = 2e-5             #: Standard deviation of the play of the fingers under load, as an opening [m].
 GAUGE_ERROR = 2e-5      #: Standard deviation of the width of a block [m].
@@ -161,6 +161,7 @@ class HeldObject:
     share: float = 1.0   #: stiffness, as a share of that of a hard block
     skew: float = 0.0    #: angle between the block and the middle between the pads [rad]
     slides: float = 0.0  #: speed along y [m/s]
+    number: int = 0      #: number of the object, which tells objects apart
 
 
 @dataclass
@@ -216,8 +217,11 @@ class CommissioningDesk:
         self._consented_gap = math.nan
         self._springs = [self._springs_of(number) for number in (0, 1)]
         self._images: tuple[object, list[np.ndarray]] = (None, [])
-        self._closes = 0
-        self.weight = 2.0   #: of the weight that the person hangs [N]
+        self._table: tuple = (None, np.zeros(1), np.zeros(1))  # forces over openings
+        self._faces: dict[int, tuple] = {}
+        self._weighed_force = math.nan
+        self._objects = 0
+        self.weight = 5.0   #: of the weight that the person hangs [N]
         self.strongest = 0.0  #: largest true force on a pad since it was last set to 0 [N]
 
     def _springs_of(self, pad: int) -> np.ndarray:
@@ -338,7 +342,11 @@ class CommissioningDesk:
         gap = self.truth.gap(reading)
         if gap > self._object.width + 0.003:
             return 0.0
-        return float(self._pressures(0, gap).sum())
+        key = (self._object.number, self._object.y, self._weight)
+        if self._table[0] != key:
+            gaps = np.arange(-0.004, self._object.width + 0.0031, 5e-5)
+            self._table = key, gaps, np.array([self._pressures(0, each).sum() for each in gaps])
+        return float(np.interp(gap, *self._table[1:]))
 
     # ---- the skins ----
 
@@ -346,8 +354,8 @@ class CommissioningDesk:
         """Return the springs on the face of the object, bool, and their places."""
         held = self._object
         assert held is not None
-        key = (id(held), held.x, held.y, self._weight)
-        cached = getattr(self, '_held_cache', {}).get(pad)
+        key = (held.number, held.y, self._weight)
+        cached = self._faces.get(pad)
         if cached is None or cached[0] != key:
             springs = self._springs[pad]
             shift = self._shift()
@@ -356,7 +364,7 @@ class CommissioningDesk:
             along, beside = cos * dx + sin * dy, cos * dy - sin * dx
             on_face = (np.abs(along) <= held.length / 2) & (np.abs(beside) <= held.depth / 2)
             cached = (key, on_face, springs[on_face])
-            self._held_cache = getattr(self, '_held_cache', {}) | {pad: cached}
+            self._faces[pad] = cached
         return cached[1], cached[2]
 
     def _shift(self) -> np.ndarray:
@@ -380,7 +388,8 @@ class CommissioningDesk:
         """Return the force on each taxel of the left and the right pad without noise [N]."""
         pressing = [finger for finger in self._fingers if finger.start <= self._time < finger.end]
         held = self._object
-        key = (self._motion.reading, id(held), held and (held.x, held.y), self._weight, tuple(map(id, pressing)))
+        key = (self._motion.reading, held and (held.number, held.y), self._weight,
+               tuple((finger.pad, finger.start) for finger in pressing))
         if self._images[0] == key:
             return self._images[1]
         images = [np.zeros((GRID.rows, GRID.cols)) for _ in range(2)]
@@ -521,11 +530,13 @@ class CommissioningDesk:
         centre = self.truth.offset / 2 + self._rng.normal(0, 0.0007, 2)
         held = HeldObject(FOAM_WIDTH if is_foam else self._widths[width], FOAM_FACE if is_foam else FACES[width],
                           FACE_DEPTH, *centre, math.radians(self._rng.uniform(-8, 8)),
-                          share=FOAM_SHARE if is_foam else 1.0)
+                          share=FOAM_STIFFNESS / (FOAM_STIFFNESS + self.truth.stiffness) if is_foam else 1.0)
         if question.act is Act.BLOCK and self._makes(Mistake.BLOCK_ASKEW):
             held.skew = math.radians(5)
         if question.act is Act.BLOCK and self._makes(Mistake.BLOCK_SLID):
             held.slides = 0.0012
+        self._objects += 1
+        held.number = self._objects
         self._object = held
         return 'done'
 
