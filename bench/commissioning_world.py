@@ -19,7 +19,7 @@ from tactile_node.commissioning.recording import JointStates, PadFrames, PadGrid
 
 GRID = PadGrid(16, 16, 0.002)
 TICK = 0.001            #: Period of the motor [s].
-FINE = 4                #: Number of springs along each side of a taxel.
+FINE = 5                #: Number of springs along each side of a taxel.
 FINGER = 0.003          #: Standard deviation of the pressure under a finger [m].
 FACE_DEPTH = 0.006      #: Length of the shorter side of a face of a block [m].
 FACES = {0.010: 0.022, 0.025: 0.018, 0.040: 0.014}  #: Length of the face of each gauge block, by its width [m].
@@ -197,7 +197,6 @@ class CommissioningDesk:
         self.truth, self._rng = truth, rng
         self.mistakes = list(mistakes)  #: mistakes that the person still makes, each of them once
         self.questions: list[Question] = []
-        self.told: list[str] = []
         self.commands: list[tuple[float, float, float]] = []  #: positions, efforts and speeds that were commanded
         self.cancels = 0
         self._time = 100.0
@@ -215,6 +214,7 @@ class CommissioningDesk:
         self._is_off = self._is_stopped = self._is_other_joint = False
         self._other_client_until = -math.inf
         self._consented_gap = math.nan
+        self._pulls, self._pulled = False, None  # True before the person pulls the object out, and the object then
         self._springs = [self._springs_of(number) for number in (0, 1)]
         self._images: tuple[object, list[np.ndarray]] = (None, [])
         self._table: tuple = (None, np.zeros(1), np.zeros(1))  # forces over openings
@@ -350,8 +350,9 @@ class CommissioningDesk:
 
     # ---- the skins ----
 
-    def _held(self, pad: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the springs on the face of the object, bool, and their places."""
+    def _held(self, pad: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the springs under the face of the object, bool, their places, and the share of each that is covered.
+        """
         held = self._object
         assert held is not None
         key = (held.number, held.y, self._weight)
@@ -362,10 +363,13 @@ class CommissioningDesk:
             dx, dy = springs[..., 0] - held.x - shift[0], springs[..., 1] - held.y - shift[1]
             cos, sin = math.cos(held.angle), math.sin(held.angle)
             along, beside = cos * dx + sin * dy, cos * dy - sin * dx
-            on_face = (np.abs(along) <= held.length / 2) & (np.abs(beside) <= held.depth / 2)
-            cached = (key, on_face, springs[on_face])
+            spring = GRID.pitch / FINE
+            share = np.clip((held.length / 2 - np.abs(along)) / spring + 0.5, 0, 1) \
+                * np.clip((held.depth / 2 - np.abs(beside)) / spring + 0.5, 0, 1)
+            on_face = share > 0
+            cached = (key, on_face, springs[on_face], share[on_face])
             self._faces[pad] = cached
-        return cached[1], cached[2]
+        return cached[1:]
 
     def _shift(self) -> np.ndarray:
         """Return how far the weight shifts the contacts [m]. The weight pulls along -y."""
@@ -377,12 +381,12 @@ class CommissioningDesk:
         """Return the force of each spring on the face of the object [N]."""
         held = self._object
         assert held is not None
-        _, places = self._held(pad)
+        _, places, share = self._held(pad)
         overlap = held.width - gap - places @ self.truth.tilt
         if held.skew:
             overlap = overlap + (2 if pad else -2) * held.skew * (places[:, 0] - held.x)
         per_spring = self.truth.stiffness / (0.018 * FACE_DEPTH) * (GRID.pitch / FINE) ** 2 * held.share
-        return per_spring * np.maximum(overlap, 0)
+        return per_spring * share * np.maximum(overlap, 0)
 
     def _clean(self) -> list[np.ndarray]:
         """Return the force on each taxel of the left and the right pad without noise [N]."""
@@ -448,6 +452,8 @@ class CommissioningDesk:
                 following = [end, self._frame_at, self._joint_at]
                 following += [self._motion.commands[0][0] - TICK] if self._motion.commands else []
                 self._time = max(self._time, min(following)) if min(following) > self._time else self._time + TICK
+            if self._object is not None and self._pulls and self._force(self._motion.reading) > 2.0:
+                self._pulls, self._pulled, self._object = False, self._object, None
             if self._object is not None and self._object.slides:
                 self._object.y += self._object.slides * TICK
             if self._time >= self._joint_at:
@@ -474,9 +480,12 @@ class CommissioningDesk:
 
     # ---- the person ----
 
-    def tell(self, text: str) -> None:
-        self.told.append(text)
-        self._is_off = self._is_stopped = self._is_other_joint = False  # the person follows the remedy
+    def _repeat(self, question: Question) -> str:
+        """Follow the remedy."""
+        self._is_off = self._is_stopped = self._is_other_joint = False
+        self._fingers = []
+        self._object, self._pulled = self._object or self._pulled, None
+        return 'done'
 
     def _makes(self, mistake: Mistake) -> bool:
         if mistake in self.mistakes:
@@ -490,7 +499,7 @@ class CommissioningDesk:
         self._frame_at = self._joint_at = self._time
         answer = {Act.PRESS: self._press, Act.STROKE: self._stroke, Act.BLOCK: self._insert, Act.FOAM: self._insert,
                   Act.OBJECT: self._insert, Act.CLEAR: self._clear, Act.WEIGHT: self._hang, Act.CONSENT: self._consent,
-                  Act.DIRECTION: self._direction}.get(question.act, lambda question: question.choices[0])(question)
+                  Act.DIRECTION: self._direction, Act.REPEAT: self._repeat}.get(question.act, lambda question: question.choices[0])(question)
         return answer
 
     def _press(self, question: Question) -> str:
@@ -558,6 +567,8 @@ class CommissioningDesk:
             self._is_off = True
         if self._makes(Mistake.OTHER_JOINT):
             self._is_other_joint = True
+        if question.text.startswith('proof') and self._makes(Mistake.PULLED_OUT):
+            self._pulls = True
         if self._makes(Mistake.OTHER_CLIENT):
             self._other_client_until = self._time + 3.0
         if self._object is None and self._makes(Mistake.HAND_BETWEEN):

@@ -123,10 +123,11 @@ def stiffness_of(stalls: Sequence[Stall]) -> Estimate:
 
 def print_of(image: np.ndarray, places: np.ndarray) -> Print:
     """Return the print that the forces on a pad show, by its moments."""
-    weights = np.maximum(np.nan_to_num(image), 0).ravel()
-    weights = np.where(weights >= LEAST_LOAD, weights, 0)
+    forces = np.nan_to_num(image).ravel()
+    weights = np.where(forces >= LEAST_LOAD, forces, 0)
+    weights = weights / max(float(weights.sum()), 1e-9)
     at = places.reshape(-1, 2)
-    centre = weights @ at / weights.sum()
+    centre = weights @ at
     (xx, xy), (_, yy) = (at - centre).T @ ((at - centre) * weights[:, np.newaxis])
     return Print(centre, float(np.arctan2(2 * xy, xx - yy) / 2))
 

@@ -39,6 +39,7 @@ class Act(Enum):
     CLEAR = 'take everything out of the gripper'
     WEIGHT = 'hang the weight on the object'
     OBJECT = 'hold the object between the pads'
+    REPEAT = 'correct a mistake before a part is repeated'
 
 
 class Question(NamedTuple):
@@ -57,6 +58,3 @@ class Person(Protocol):
 
     def ask(self, question: Question) -> str:
         """Return one of the choices of the question."""
-
-    def tell(self, text: str) -> None:
-        """Show a text."""

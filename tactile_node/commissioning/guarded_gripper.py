@@ -137,8 +137,18 @@ class GuardedGripper:
         way = abs(move.position - before)
         if way > 0.01 * self._plan.travel and contact_force(recording) < TOUCHED \
                 and abs(self._reading - before) < STILL_SHARE * self._plan.travel:
-            raise self._stuck(where)
+            raise self.stuck(where)
         return recording
+
+    def stuck(self, where: str) -> RefusedStepError:
+        """Ask why the joint states do not change, and return the error."""
+        answer = self._person.ask(Question(Act.DIRECTION, 'The joint states do not change. How have the fingers moved?',
+                                           ('opened', 'closed', 'not moved')))
+        if answer == 'not moved':
+            return RefusedStepError(where, Mistake.EMERGENCY_STOP, expected='a movement', got='none',
+                                    remedy='Release the emergency stop, and enable the gripper.')
+        return RefusedStepError(where, Mistake.OTHER_JOINT, expected='joint states that follow the fingers',
+                                got='a joint at rest', remedy='Give the name of the joint of the gripper.')
 
     def age_of_frames(self, seconds: float) -> float:
         """Return the largest age of the newest frame of a pad that was received [s], over some time at rest."""
@@ -212,13 +222,3 @@ class GuardedGripper:
             return RefusedStepError(where, Mistake.HAND_BETWEEN, expected=f'a force of at most {limit:g} N',
                                     got=f'{force:.2g} N', remedy='Keep your hands out of the gripper.')
         return None
-
-    def _stuck(self, where: str) -> RefusedStepError:
-        """Ask why the joint states do not change, and return the error."""
-        answer = self._person.ask(Question(Act.DIRECTION, 'The joint states do not change. How have the fingers moved?',
-                                           ('opened', 'closed', 'not moved')))
-        if answer == 'not moved':
-            return RefusedStepError(where, Mistake.EMERGENCY_STOP, expected='a movement', got='none',
-                                    remedy='Release the emergency stop, and enable the gripper.')
-        return RefusedStepError(where, Mistake.OTHER_JOINT, expected='joint states that follow the fingers',
-                                got='a joint at rest', remedy='Give the name of the joint of the gripper.')

@@ -76,8 +76,8 @@ def measure_stop(joint: JointStates, commanded: float, stopped: float, target: f
     extreme = int(np.argmax(progress))
     returns = bool(progress.max() - progress[-1] > 2 * NOISES * noise)
     rest = progress[-5:].mean()
-    behind = np.flatnonzero(progress < rest - NOISES * noise)
-    last = extreme if returns else int(behind[-1]) if behind.size else 0
+    arrived = np.flatnonzero((joint.times > stopped) & (progress >= rest - NOISES * noise))
+    last = extreme if returns or not arrived.size else int(arrived[0]) - 1
     return StopTrial(is_stopped, started, float(joint.times[last] - stopped), returns)
 
 

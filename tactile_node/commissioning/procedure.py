@@ -12,7 +12,8 @@ import numpy as np
 
 from tactile_node.commissioning.block_grip import BlockGrip, Stall, measure_grip, print_of, repair, stiffness_of
 from tactile_node.commissioning.commissioned_gripper import Act, CommissionedGripper, Person, Question
-from tactile_node.commissioning.commissioning_record import CommissioningRecord, grip_from, hung_from
+from tactile_node.commissioning.commissioning_record import CommissioningRecord
+from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.force import Close, map_effort, predict_overshoot, remaining_share
 from tactile_node.commissioning.guarded_gripper import REACT, TOUCHED, GuardedGripper, Move
 from tactile_node.commissioning.lateral_shift import MOST_DIFFERENT, HungWeight, shift_of
@@ -24,10 +25,7 @@ from tactile_node.commissioning.movement import (
     measure_speed,
     measure_step,
     measure_stop,
-    start_latency,
-    stop_latency,
 )
-from tactile_node.commissioning.opening_law import OpeningLaw, find_law
 from tactile_node.commissioning.pad_mounting import (
     PLACES,
     PadMounting,
@@ -68,6 +66,8 @@ SETTLE = 0.2            #: Time between a command in small increments and its re
 BACK = 0.002            #: Opening beyond the object before a close [m].
 PROOF_FACTOR = 2.0      #: Force at which the gripper would stall, as a multiple of the force that stops a close.
 SLOWEST = 2e-4          #: Slowest closing speed [m/s].
+CLOSE_LIMIT = 90.0      #: Time allowed for a close [s].
+SETTLED_FRAMES = 10     #: Number of frames from which the force after a close is averaged.
 LOOSE_SHARE = 0.3       #: Share of the force below which the object was pulled out.
 AGE_TIME = 5.0          #: Time over which the age of the frames is observed [s].
 
@@ -122,6 +122,11 @@ class CommissioningProcedure:
             self._gripper.stop()
             raise
 
+    @property
+    def _found(self) -> Evaluation:
+        """What the finished steps show."""
+        return Evaluation(self._record, self._plan)
+
     def _attempt(self, part: Callable[[], Result]) -> Result:
         """Carry out a part of a step, again after each mistake."""
         for attempt in range(REPEATS):
@@ -130,9 +135,9 @@ class CommissioningProcedure:
             except RefusedStepError as error:
                 self._gripper.stop()
                 self.refused.append((error.where, error))
-                self._person.tell(str(error))
                 if attempt == REPEATS - 1 or error.mistake is Mistake.NO_CONSENT:
                     raise
+                self._ask(Act.REPEAT, str(error))
         raise AssertionError('a part is either carried out or refused')
 
     def _ask(self, act: Act, text: str, choices: tuple[str, ...] = ('done',), *, pad: str = '', place: str = '',
@@ -201,11 +206,9 @@ class CommissioningProcedure:
         left, right = (repair(recording.pads[pad].mean, self._gripper.is_faulty[pad]) for pad in self._order)
         return left, right
 
-    def _forces(self, recording: Recording) -> np.ndarray:
-        """Return the force on the stronger pad in each frame of the left pad [N]."""
-        totals = [np.nansum(recording.pads[pad].forces, axis=(1, 2)) for pad in self._order]
-        count = min(map(len, totals))
-        return np.maximum(totals[0][:count], totals[1][:count])
+    def _force_of(self, recording: Recording) -> list[np.ndarray]:
+        """Return the force on the left and on the right pad in each of their frames [N]."""
+        return [np.nansum(recording.pads[pad].forces, axis=(1, 2)) for pad in self._order]
 
     # ---- free movements ----
 
@@ -232,9 +235,7 @@ class CommissioningProcedure:
                 self._gripper.watch(2.0, 'first movement', may_touch=False)
                 return effort
             effort *= EFFORT_FACTOR
-        raise RefusedStepError('first movement', Mistake.EMERGENCY_STOP, expected='a movement',
-                               got='none with any effort',
-                               remedy='Switch the gripper on, release the emergency stop, check the joint.')
+        raise self._gripper.stuck('first movement')
 
     @property
     def _open_end(self) -> float:
@@ -285,8 +286,7 @@ class CommissioningProcedure:
         moving = self._gripper.watch(3.0, 'stops', may_touch=False, tick=0.003, is_over=lambda part: abs(
             self._gripper.reading - start) > share * abs(target - start))
         if abs(self._gripper.reading - start) <= share * abs(target - start):
-            raise RefusedStepError('stops', Mistake.EMERGENCY_STOP, expected='a movement', got='none',
-                                   remedy='Release the emergency stop, and enable the gripper.')
+            raise self._gripper.stuck('stops')
         stopped = self._gripper.now()
         if way is StopWay.CANCEL:
             self._gripper.cancel()
@@ -296,24 +296,15 @@ class CommissioningProcedure:
         joint = JointStates(*(np.concatenate(each) for each in zip(before.joint, moving.joint, after.joint)))
         return measure_stop(joint, commanded, stopped, target, self._gripper.noise), movement
 
-    def _trials(self, way: StopWay) -> list[StopTrial]:
-        return [StopTrial(*each) for each in self._record['stops']['trials'][way.value]]
-
-    def _latency(self, way: StopWay) -> float:
-        """Return the upper bound of the time from a stop to standstill [s]."""
-        stops = self._record['stops']
-        return stop_latency(self._trials(way), stops['period'], self._gripper.noise, stops['speed'][0])
-
     @property
     def _settling(self) -> float:
         """Time after which a small movement has ended [s]."""
-        trials = [trial for way in StopWay for trial in self._trials(way)]
-        return start_latency(trials, self._record['stops']['period']) + SETTLE
+        return self._found.start_latency + SETTLE
 
     def _step(self) -> dict[str, Any]:
         """Command small increments, at rest after each, and find the levels at which the gripper stays."""
         self._clear('step')
-        law = self._law
+        law = self._found.law
         middle = law.middle if law else (self._plan.low + self._plan.high) / 2
         increment = STEP_INCREMENT / abs(law.slope(middle).value) if law else 0.0003 * self._plan.travel
         self._gripper.consent('small steps', self._free(middle), TOUCHED, STEP_COMMANDS)
@@ -335,12 +326,14 @@ class CommissioningProcedure:
     # ---- forces ----
 
     def _clear(self, where: str) -> None:
+        """Open the gripper, and measure the zero again after everything was taken out."""
+        if 'first movement' in self._record:  # a gripper that holds an object would snap shut
+            self._attempt(lambda: self._gripper.move(self._free(self._open_end), where, may_touch=True))
         self._ask(Act.CLEAR, 'Take everything out of the gripper, and keep away from the pads.')
         self._attempt(lambda: self._gripper.renew_zero(where))
 
     def _insert(self, act: Act, text: str, width: float = 0.0) -> None:
         where = act.value
-        self._attempt(lambda: self._gripper.move(self._free(self._open_end), where, may_touch=True))
         self._clear(where)
         self._ask(act, text, width=width)
 
@@ -417,23 +410,12 @@ class CommissioningProcedure:
         return min(max(known.effort(force), self._record['first movement']['effort']), self._plan.most_effort)
 
     @property
-    def _grips(self) -> list[BlockGrip]:
-        return [grip_from(self._record[name]) for name in self.steps if name.startswith('block ')
-                and name in self._record]
-
-    @property
     def _middle_block(self) -> GaugeBlock:
         return self._plan.blocks[len(self._plan.blocks) // 2]
 
     @property
     def _middle_grip(self) -> BlockGrip:
-        return self._grips[len(self._plan.blocks) // 2]
-
-    @property
-    def _law(self) -> OpeningLaw | None:
-        grips = self._grips
-        return find_law([grip.onset for grip in grips], [grip.width for grip in grips],
-                        is_angle=self._plan.unit == 'rad')
+        return self._found.grips[len(self._plan.blocks) // 2]
 
     @property
     def _rough_metres(self) -> float:
@@ -505,37 +487,34 @@ class CommissioningProcedure:
 
     def _proof(self) -> dict[str, Any]:
         """Close ten times until the pads read a force."""
-        law, way = self._law, self._stop_by
+        found = self._found
+        law, way = found.law, found.stop_by
         if law is None or way is None:
             return {'closes': [], 'reason': 'the opening is not known' if law is None else 'no way to stop is reliable'}
         block, grip = self._middle_block, self._middle_grip
         slope = abs(law.slope(grip.onset.value).value)
-        stiffness = grip.stiffness.value / slope
-        latency = self._record['rest']['age'] + self._latency(way)
-        fastest = self._record['stops']['speed'][0] * slope
-        speed = max(SLOWEST, min(self._plan.overshoot / (latency * stiffness), fastest))
-        step = self._record['step']['step'][0] * slope / 2 if way is StopWay.GOAL else 0.0
-        predicted = predict_overshoot(latency, speed, stiffness, step)
+        stiffness = found.stiffness_at(grip).value
+        speed = max(SLOWEST, min(self._plan.overshoot / (found.latency * stiffness), found.speed.value))
+        predicted = predict_overshoot(found.latency, speed, stiffness, found.rounding)
         self._insert(Act.OBJECT, 'Hold the block between the pads until the gripper holds it.', block.width)
         start = grip.onset.value - self._towards * BACK / slope
         move = Move(self._closed_end, self._effort_for(PROOF_FACTOR * self._plan.touch_force), speed / slope)
         self._gripper.consent('proof', move, self._plan.touch_force + predicted, self._plan.closes)
         closes = [self._attempt(lambda: self._close(move, start, way, grip)) for _ in range(self._plan.closes)]
-        return {'closes': closes, 'speed': speed, 'predicted': predicted, 'way': way.value, 'latency': latency,
-                'stiffness': stiffness, 'reason': ''}
-
-    @property
-    def _stop_by(self) -> StopWay | None:
-        """The way to stop that never failed and does not let go, if touch_gripper has it."""
-        return choose_stop(self._record)
+        return {'closes': closes, 'speed': speed, 'predicted': predicted, 'reason': ''}
 
     def _close(self, move: Move, start: float, way: StopWay, grip: BlockGrip) -> Close:
         self._gripper.move(self._free(start)._replace(effort=move.effort), 'proof', may_touch=True)
         self._gripper.command(move)
         limit = self._plan.touch_force
-        touched = self._gripper.watch(90.0, 'proof', may_touch=True, tick=REACT, is_over=lambda part: bool(
-            (self._forces(part) >= limit).any()))
-        if self._forces(touched).max(initial=0.0) < limit:
+        strongest = 0.0
+
+        def is_reached(part: Recording) -> bool:
+            nonlocal strongest
+            strongest = max(strongest, *(float(each.max(initial=0.0)) for each in self._force_of(part)))
+            return strongest >= limit
+        self._gripper.watch(CLOSE_LIMIT, 'proof', may_touch=True, tick=REACT, is_over=is_reached)
+        if strongest < limit:
             raise self._pulled_out()
         due = self._gripper.now()
         if way is StopWay.CANCEL:
@@ -543,31 +522,16 @@ class CommissioningProcedure:
         else:
             self._gripper.command(move._replace(position=self._gripper.reading))
         after = self._gripper.watch(STOPPED_TIME, 'proof', may_touch=True)
-        forces = self._forces(after)
-        largest = int(np.argmax(forces))
+        forces = self._force_of(after)
+        peak = max((0, 1), key=lambda number: forces[number].max())
+        largest = int(np.argmax(forces[peak]))
         held = grip.stiffness.value * self._towards * (self._gripper.reading - grip.onset.value)  # force of the block
-        if forces[-1] < LOOSE_SHARE * min(held, limit):
+        if forces[peak][-1] < LOOSE_SHARE * min(held, limit):
             raise self._pulled_out()
-        left, right = (float(np.nansum(image)) for image in self._images(after.after(self.now_minus(0.3))))
-        return Close(float(forces[largest]) - limit, float(after.pads[self._order[0]].times[largest]) - due,
-                     (left, right))
-
-    def now_minus(self, seconds: float) -> float:
-        return self._gripper.now() - seconds
+        left, right = (float(each[-SETTLED_FRAMES:].mean()) for each in forces)
+        return Close(float(forces[peak][largest]) - limit,
+                     float(after.pads[self._order[peak]].times[largest]) - due, (left, right))
 
     def _pulled_out(self) -> RefusedStepError:
         return RefusedStepError('proof', Mistake.PULLED_OUT, expected='an object between the pads', got='no force',
                                 remedy='Put the object back, and leave it there.')
-
-
-def choose_stop(record: CommissioningRecord) -> StopWay | None:
-    """Return the way of stopping for touch_gripper: one that never failed, and that does not let go; None if unfit."""
-    for way in (StopWay.CANCEL, StopWay.GOAL):
-        trials = record.get('stops').get('trials', {}).get(way.value, [])
-        kept = record.get('foam').get('kept', {}).get(way.value, [0.0])[0]
-        if trials and all(StopTrial(*each).is_stopped for each in trials) and kept >= KEPT_SHARE:
-            return way
-    return None
-
-
-KEPT_SHARE = 0.7  #: Share of the force on foam that must remain after a stop.
