@@ -355,7 +355,7 @@ class CommissioningDesk:
         """
         held = self._object
         assert held is not None
-        key = (held.number, held.y, self._weight)
+        key = (held.number, held.y, self._weight and round(self._relaxed(), 2))
         cached = self._faces.get(pad)
         if cached is None or cached[0] != key:
             springs = self._springs[pad]
@@ -375,7 +375,8 @@ class CommissioningDesk:
         """Return how far the weight shifts the contacts [m]. The weight pulls along -y."""
         if not self._weight:
             return np.zeros(2)
-        return np.array((0.0, -self.truth.shift_per_load * self._weight / 2 / self._weighed_force))
+        return np.array((0.0, -self.truth.shift_per_load * self._weight / 2
+                         / (self._weighed_force * round(self._relaxed(), 2))))
 
     def _pressures(self, pad: int, gap: float) -> np.ndarray:
         """Return the force of each spring on the face of the object [N]."""
@@ -392,7 +393,7 @@ class CommissioningDesk:
         """Return the force on each taxel of the left and the right pad without noise [N]."""
         pressing = [finger for finger in self._fingers if finger.start <= self._time < finger.end]
         held = self._object
-        key = (self._motion.reading, held and (held.number, held.y), self._weight,
+        key = (self._motion.reading, held and (held.number, held.y), self._weight and round(self._relaxed(), 2),
                tuple((finger.pad, finger.start) for finger in pressing))
         if self._images[0] == key:
             return self._images[1]

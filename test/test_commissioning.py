@@ -107,11 +107,13 @@ def test_two_deviations_contain_the_mean_and_the_slope_as_often_as_stated():
 
 
 @pytest.mark.parametrize('period', [0.008, 0.02])
-def test_the_bound_of_a_latency_lies_above_the_truth_but_not_by_a_period(period):
+@pytest.mark.parametrize('jitter', [0.0, 0.4, 1.0])
+def test_the_bound_of_a_latency_lies_above_the_truth_but_not_by_a_period(period, jitter):
     rng = np.random.default_rng(6)
     truth = 0.1
-    bounds = np.array([upper_bound(truth - period * rng.random(20), period) for _ in range(1000)])
-    assert 0.93 <= np.mean(bounds >= truth) <= 0.97
+    bounds = np.array([upper_bound(truth - period * (rng.random(20) + jitter * rng.random(20)), period)
+                       for _ in range(1000)])
+    assert np.mean(bounds >= truth) >= 0.95
     assert (bounds < truth + period).all()
 
 

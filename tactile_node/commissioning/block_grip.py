@@ -18,6 +18,8 @@ LEAST_LOAD = 0.01       #: Smallest force of a taxel that is used [N].
 LEAST_STALLS = 3        #: Smallest number of stalls at which a taxel must carry a load.
 LEAST_TAXELS = 8        #: Smallest number of loaded taxels on a pad.
 COVERED_SHARE = 0.5     #: A taxel lies on the block if its stiffness is this share of the median of the stiffest half.
+UPPER_SHARE = 0.35      #: The stiffness is that above this share of the largest force.
+WHOLE_SHARE = 0.75      #: A taxel that is covered wholly has this share of the typical stiffness.
 LENGTH_ERROR = 0.0022   #: Largest difference between the length of a face and of its print on the skin [m].
 MOST_SKEW = 0.1         #: Largest difference between the slopes of the block against the two pads [rad].
 MOST_SLID = 0.0007      #: Largest movement of the block between two stalls [m].
@@ -57,9 +59,10 @@ class BlockGrip(NamedTuple):
     onset: Estimate           #: reading at which the pads touch the block at the centre of the left pad
     slopes: np.ndarray        #: change of this reading along x and y of the left pad, (2,) [reading/m]
     prints: tuple[Print, Print]
-    stiffness: Estimate       #: force per change of the reading, over the upper half of the forces [N/reading]
+    stiffness: Estimate       #: force per change of the reading, over the larger forces [N/reading]
     efforts: tuple[float, ...]  #: effort of each stall
     forces: tuple[float, ...]   #: mean force of both pads in each stall [N]
+    imbalance: float            #: half the difference between the forces on both pads, as a share of their mean
 
 
 def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray], width: float, length: float,
@@ -107,14 +110,15 @@ def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray],
     tilt = (left[1:] + right[1:] * (-1, 1)) / 2
     prints = tuple(print_of(stalls[-1].images[number], places[number]) for number in (0, 1))
     return BlockGrip(width, onset, tilt, (prints[0], prints[1]), stiffness_of(stalls),
-                     tuple(stall.effort for stall in stalls), tuple(stall.force for stall in stalls))
+                     tuple(stall.effort for stall in stalls), tuple(stall.force for stall in stalls),
+                     float(np.mean([np.diff(stall.forces)[0] / 2 / stall.force for stall in stalls])))
 
 
 def stiffness_of(stalls: Sequence[Stall]) -> Estimate:
-    """Return the force per change of the reading over the upper half of the forces."""
+    """Return the force per change of the reading over the larger forces."""
     forces = np.array([stall.force for stall in stalls])
     readings = np.array([stall.reading for stall in stalls])
-    used = forces >= forces.max() / 2
+    used = forces >= forces.max() * UPPER_SHARE
     if np.count_nonzero(used) < 3:
         return NOT_MEASURED
     x, y = readings[used], forces[used]
@@ -168,16 +172,27 @@ class _TaxelLines(NamedTuple):
         weight = np.abs(slope[used]) / np.sqrt(1 / count[used] + lever ** 2 / spread[used])
         return cls(places.reshape(-1, 2)[used], mean_reading[used] - lever, slope[used], weight)
 
+    @property
+    def level(self) -> float:
+        """Typical stiffness of a wholly covered taxel [N/reading]."""
+        stiffness = np.sort(np.abs(self.slopes))
+        return float(np.median(stiffness[stiffness.size // 2:]))
+
     def plane(self) -> np.ndarray:
-        """Return the onset at the centre of the pad, and its slopes along x and y, (3,)."""
-        system = np.column_stack((np.ones(len(self.places)), self.places)) * self.weights[:, np.newaxis]
-        plane: np.ndarray = np.linalg.lstsq(system, self.onsets * self.weights, rcond=None)[0]
+        """Return the onset at the centre of the pad, and its slopes along x and y, (3,).
+
+        A taxel that the block covers partly is left out, because its centre lies beside the covered part.
+        """
+        stiffness = np.abs(self.slopes)
+        weights = np.where(stiffness >= WHOLE_SHARE * self.level, self.weights, 0.0)
+        system = np.column_stack((np.ones(len(self.places)), self.places)) * weights[:, np.newaxis]
+        plane: np.ndarray = np.linalg.lstsq(system, self.onsets * weights, rcond=None)[0]
         return plane
 
     def check_face(self, pad: np.ndarray, length: float, where: str) -> None:
         """Raise RefusedStepError if the covered taxels reach the edge of the pad or have another length."""
         stiffness = np.abs(self.slopes)
-        level = np.median(np.sort(stiffness)[stiffness.size // 2:])
+        level = self.level
         covered = self.places[stiffness >= COVERED_SHARE * level]
         pitch = float(np.linalg.norm(pad[0, 1] - pad[0, 0]))
         limits = np.abs(pad.reshape(-1, 2)).max(0) - pitch / 2

@@ -71,7 +71,8 @@ def grip_from(content: Mapping[str, Any]) -> BlockGrip:
     """Return a grip from the JSON of its fields."""
     left, right = map(print_from, content['prints'])
     return BlockGrip(content['width'], Estimate(*content['onset']), np.array(content['slopes']), (left, right),
-                     Estimate(*content['stiffness']), tuple(content['efforts']), tuple(content['forces']))
+                     Estimate(*content['stiffness']), tuple(content['efforts']), tuple(content['forces']),
+                     content['imbalance'])
 
 
 def hung_from(content: Mapping[str, Any]) -> HungWeight:

@@ -139,7 +139,8 @@ class Evaluation:
         """Return the force per change of the opening in a grip [N/m]."""
         if not self.law:
             return NOT_MEASURED
-        return grip.stiffness.scaled(1 / self.law.slope(grip.onset.value).value)
+        stiffness = grip.stiffness.scaled(1 / abs(self.law.slope(grip.onset.value).value))
+        return stiffness.with_error(stiffness.value * self.force_error)
 
     @property
     def stiffness(self) -> Estimate:
@@ -148,12 +149,21 @@ class Evaluation:
         return next((self.stiffness_at(grip) for grip in self.grips if grip.width == longest.width), NOT_MEASURED)
 
     @property
+    def force_error(self) -> float:
+        """Relative deviation of the mean force of both pads, from the differences between the two pads.
+
+        The forces on both pads of a free block are equal, so a difference shows how well the pads are calibrated.
+        """
+        return float(np.sqrt(np.mean(np.square([grip.imbalance for grip in self.grips])))) if self.grips else 0.0
+
+    @property
     def effort_map(self) -> EffortMap:
         """Map from effort to force, on foam and blocks."""
         foam = self._record.get('foam')
         efforts = [*foam.get('efforts', []), *(each for grip in self.grips for each in grip.efforts)]
         forces = [*foam.get('forces', []), *(each for grip in self.grips for each in grip.forces)]
-        return map_effort(efforts, forces)
+        slope, offset = map_effort(efforts, forces)
+        return EffortMap(slope.with_error(slope.value * self.force_error), offset)
 
     @cached_property
     def alignment(self) -> PadAlignment | None:

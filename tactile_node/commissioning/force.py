@@ -8,7 +8,6 @@ import numpy as np
 from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, line_through
 
 LEAST_LOAD = 0.5       #: Smallest force of a stall from which the map is computed [N].
-HELD_SHARE = 0.7       #: A stop lets go if less than this share of the force remains.
 
 
 class EffortMap(NamedTuple):
@@ -33,7 +32,7 @@ def map_effort(efforts: Sequence[float], forces: Sequence[float]) -> EffortMap:
     return EffortMap(*line_through(x[used], y[used]))
 
 
-def remaining_share(times: np.ndarray, forces: np.ndarray, ended: float) -> Estimate:
+def remaining_share(times: np.ndarray, forces: np.ndarray, ended: float, drift: float) -> Estimate:
     """Return the share of the force that is left at the end of a recording.
 
     Parameters
@@ -44,15 +43,16 @@ def remaining_share(times: np.ndarray, forces: np.ndarray, ended: float) -> Esti
         Force on a pad, (K,) [N].
     ended : float
         Time at which the commands ended [s].
+    drift : float
+        Change of the reading of an untouched pad during the recording [N].
     """
     before, after = forces[times < ended], forces[times >= ended]
     tail = after[len(after) * 3 // 4:]
     if len(before) < 5 or len(tail) < 5:
         return NOT_MEASURED
-    share = float(tail.mean() / before.mean())
-    relative = np.hypot(before.std() / before.mean() / np.sqrt(len(before)), tail.std() / tail.mean()
-                        / np.sqrt(len(tail))) if tail.mean() > 0 else 0.0
-    return Estimate(share, float(share * relative))
+    error = np.hypot(tail.std() / np.sqrt(len(tail)), before.std() / np.sqrt(len(before)))
+    level = float(before.mean())
+    return Estimate(float(tail.mean()) / level, float(np.hypot(error, drift)) / level)
 
 
 class Close(NamedTuple):

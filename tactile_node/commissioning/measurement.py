@@ -30,6 +30,15 @@ class Estimate(NamedTuple):
     def is_known(self) -> bool:
         return math.isfinite(self.value) and math.isfinite(self.deviation)
 
+    @property
+    def upper(self) -> float:
+        """Value plus two deviations."""
+        return self.value + 2 * self.deviation
+
+    def with_error(self, deviation: float) -> 'Estimate':
+        """Return the same value with a further independent error."""
+        return Estimate(self.value, math.hypot(self.deviation, deviation))
+
     def scaled(self, factor: float) -> 'Estimate':
         return Estimate(self.value * factor, self.deviation * abs(factor))
 

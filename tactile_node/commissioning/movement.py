@@ -84,11 +84,13 @@ def measure_stop(joint: JointStates, commanded: float, stopped: float, target: f
 def upper_bound(last_before: Sequence[float], period: float) -> float:
     """Return an upper bound of the time of an event, from the last sample before the event in each of several trials.
 
-    The phase of the samples is random, so these times spread over one period before the event. The bound lies above
-    their largest value by the distance that CONFIDENCE requires.
+    The phase of the samples is random, and the latency itself may vary. The sum of two such errors rarely comes close
+    to its largest value, so the bound lies above the largest of these times by a share of their spread. The share holds
+    with CONFIDENCE if the latency varies by as much as the period.
     """
     spread = max(period, float(np.ptp(last_before)))
-    return float(max(last_before)) + spread * (1 - (1 - CONFIDENCE) ** (1 / len(last_before)))
+    missed = 1 - (1 - CONFIDENCE) ** (1 / len(last_before))
+    return float(max(last_before)) + spread / 2 * math.sqrt(2 * missed)
 
 
 def start_latency(trials: Sequence[StopTrial], period: float) -> float:
@@ -106,7 +108,7 @@ def stop_latency(trials: Sequence[StopTrial], period: float, noise: float, speed
     if not stopped:
         return math.nan
     if any(trial.returns for trial in stopped):
-        return float(max(trial.stopped for trial in stopped))
+        return float(max(trial.stopped for trial in stopped)) + period / 4  # the turn lies between two samples
     unseen = math.sqrt(2 * NOISES * noise * BRAKING / speed)
     return upper_bound([trial.stopped for trial in stopped], period) + unseen
 

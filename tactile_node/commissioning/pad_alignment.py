@@ -1,5 +1,6 @@
 """Find how the two pads lie to each other, from blocks that lie freely between them."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -7,6 +8,11 @@ import numpy as np
 
 from tactile_node.commissioning.block_grip import MIRROR, BlockGrip
 from tactile_node.commissioning.measurement import Estimate, mean_of
+
+# Errors that all grips share, because the same taxels with the same gains lie under the blocks.
+OFFSET_ERROR = 3e-5  #: [m]
+TURN_ERROR = 2e-3    #: [rad]
+TILT_ERROR = 5e-4    #: [rad]
 
 
 class PadAlignment(NamedTuple):
@@ -25,6 +31,8 @@ class PadAlignment(NamedTuple):
 def find_alignment(grips: Sequence[BlockGrip], metres: Sequence[float]) -> PadAlignment:
     """Return the mean alignment from several grips.
 
+    Two directions share one deviation, because the spread of a few grips is uncertain.
+
     Parameters
     ----------
     grips : sequence of BlockGrip
@@ -33,7 +41,12 @@ def find_alignment(grips: Sequence[BlockGrip], metres: Sequence[float]) -> PadAl
         Change of the opening per unit of the reading, with its sign, at each grip.
     """
     rows = np.array([(*_offset_and_turn(grip), *(-each * grip.slopes)) for grip, each in zip(grips, metres)])
-    return PadAlignment(*(mean_of(column) for column in rows.T))
+    x, y, turn, tilt_x, tilt_y = (mean_of(column) for column in rows.T)
+    offset, tilt = (math.hypot(one.deviation, other.deviation) / math.sqrt(2)
+                    for one, other in ((x, y), (tilt_x, tilt_y)))
+    return PadAlignment(*(Estimate(each.value, math.hypot(spread, error)) for each, spread, error in (
+        (x, offset, OFFSET_ERROR), (y, offset, OFFSET_ERROR), (turn, turn.deviation, TURN_ERROR),
+        (tilt_x, tilt, TILT_ERROR), (tilt_y, tilt, TILT_ERROR))))
 
 
 def _offset_and_turn(grip: BlockGrip) -> tuple[float, float, float]:

@@ -52,13 +52,14 @@ MOVING_FACTOR = 1.5     #: Effort of free movements, as a multiple of the smalle
 FREE_TIME = 4.0         #: Time in which a free movement covers the whole travel [s].
 FREE_SHARE = 0.5        #: Share of the travel that free movements use, from the open end.
 PROBE_SHARES = (0.08, 0.16)  #: Forces of the first two stalls on a block, as shares of the force limit.
-STALLS = 5              #: Number of further stalls on a block.
+STALLS = 7              #: Number of further stalls on a block.
 DEPTH = 0.002           #: Depth to which these stalls press further into the skins, unless the force limits it [m].
 STALL_TIME = 0.5        #: Duration of the recording of a stall [s].
 FOAM_SHARE = 0.5        #: Force on the foam, as a share of the force limit.
 FOAM_STALLS = 4         #: Smallest number of stalls on the foam.
 FOAM_FACTOR = 1.2       #: Factor between two efforts on the foam.
 STOPPED_TIME = 1.2      #: Duration of the recording after a stop [s].
+PHASES = 0.05           #: Range of the additional time before a command, over which the phase of the samples varies [s].
 STEP_INCREMENT = 2.5e-5  #: Increment of the commands that find the step of the gripper [m].
 STEP_RANGE = 6          #: Number of steps of the gripper over which the commands rise at most.
 STEP_COMMANDS = 260     #: Largest number of these commands.
@@ -278,11 +279,12 @@ class CommissioningProcedure:
     def _stop_trial(self, way: StopWay, number: int, target: float) -> tuple[StopTrial, JointStates]:
         """Return the outcome of one stop, and the movement back to the open end."""
         movement = self._gripper.move(self._free(self._open_end), 'stops').joint
-        before = self._gripper.watch(0.2, 'stops', may_touch=False)
+        phase = (number * 0.618) % 1  # the phase of the samples differs between trials
+        before = self._gripper.watch(0.2 + PHASES * phase, 'stops', may_touch=False)
         commanded = self._gripper.now()
         start = self._gripper.reading
         self._gripper.command(self._free(target))
-        share = 0.2 + 0.2 * ((number * 0.618) % 1)  # the phase of the samples differs between trials
+        share = 0.2 + 0.2 * phase
         moving = self._gripper.watch(3.0, 'stops', may_touch=False, tick=0.003, is_over=lambda part: abs(
             self._gripper.reading - start) > share * abs(target - start))
         if abs(self._gripper.reading - start) <= share * abs(target - start):
@@ -396,7 +398,9 @@ class CommissioningProcedure:
         pad = self._order[0]
         times = np.concatenate((before.pads[pad].times, after.pads[pad].times))
         forces = np.concatenate([np.nansum(each.pads[pad].forces, axis=(1, 2)) for each in (before, after)])
-        return remaining_share(times, forces, ended)
+        taxels = self._plan.grid.rows * self._plan.grid.cols
+        drift = abs(self._record['rest']['pads'][pad]['drift'][0]) * taxels * (times[-1] - times[0])
+        return remaining_share(times, forces, ended, drift)
 
     # ---- blocks ----
 
@@ -493,7 +497,7 @@ class CommissioningProcedure:
             return {'closes': [], 'reason': 'the opening is not known' if law is None else 'no way to stop is reliable'}
         block, grip = self._middle_block, self._middle_grip
         slope = abs(law.slope(grip.onset.value).value)
-        stiffness = found.stiffness_at(grip).value
+        stiffness = found.stiffness_at(grip).upper
         speed = max(SLOWEST, min(self._plan.overshoot / (found.latency * stiffness), found.speed.value))
         predicted = predict_overshoot(found.latency, speed, stiffness, found.rounding)
         self._insert(Act.OBJECT, 'Hold the block between the pads until the gripper holds it.', block.width)
