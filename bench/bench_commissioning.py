@@ -89,7 +89,6 @@ def compared(truth: Truth, found: Evaluation, record: CommissioningRecord) -> di
     kept = found.kept(StopWay.CANCEL)
     facts['lets go'] = bool(kept.value < KEPT_SHARE) if kept.is_known else None, \
         truth.lets_go if truth.failing is not StopWay.CANCEL else bool(kept.value < KEPT_SHARE)
-    facts['knuckle'] = None if found.law is None else hasattr(found.law.law, 'sine'), truth.unit == 'rad'
     closing = found.fits_closing()
     usable = truth.failing is not StopWay.GOAL or not truth.lets_go
     facts['fit'] = None if closing.verdict is Verdict.UNKNOWN else closing.verdict is Verdict.PASS, \

@@ -498,10 +498,10 @@ class CommissioningDesk:
         self.questions.append(question)
         self._time += 2.0
         self._frame_at = self._joint_at = self._time
-        answer = {Act.PRESS: self._press, Act.STROKE: self._stroke, Act.BLOCK: self._insert, Act.FOAM: self._insert,
-                  Act.OBJECT: self._insert, Act.CLEAR: self._clear, Act.WEIGHT: self._hang, Act.CONSENT: self._consent,
-                  Act.DIRECTION: self._direction, Act.REPEAT: self._repeat}.get(question.act, lambda question: question.choices[0])(question)
-        return answer
+        acts = {Act.PRESS: self._press, Act.STROKE: self._stroke, Act.BLOCK: self._insert, Act.FOAM: self._insert,
+                Act.OBJECT: self._insert, Act.CLEAR: self._clear, Act.WEIGHT: self._hang, Act.CONSENT: self._consent,
+                Act.DIRECTION: self._direction, Act.REPEAT: self._repeat}
+        return acts[question.act](question) if question.act in acts else question.choices[0]
 
     def _press(self, question: Question) -> str:
         pad = ('left', 'right').index(question.pad)

@@ -16,7 +16,7 @@ from tactile_node.commissioning.lateral_shift import shift_per_load
 from tactile_node.commissioning.measurement import Estimate, Verdict, line_through, mean_of
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.movement import StopWay, upper_bound
-from tactile_node.commissioning.opening_law import KnuckleGap, find_law
+from tactile_node.commissioning.opening_law import KnuckleGap, chord_error, find_law
 from tactile_node.commissioning.pad_mounting import MOUNTINGS, PLACES, REACH, Press, find_mounting
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
 from tactile_node.commissioning.procedure import FIRST_SHARE, CommissioningProcedure
@@ -125,8 +125,9 @@ def test_three_blocks_show_the_arc_of_a_knuckle_and_two_do_not():
     assert found.law.gap(0.5) == pytest.approx(0.05 * np.cos(1.2) - 0.01, abs=1e-6)
     assert find_law(onsets[:2], widths[:2], is_angle=True) is None
     assert find_law(onsets, widths, is_angle=False) is None  # a slide has no arc, so a block is wrong
-    straight = find_law(onsets, [0.08 - 0.1 * angle for angle in angles], is_angle=True)
+    straight = find_law(onsets, [0.08 - 0.1 * angle for angle in angles], is_angle=False)
     assert isinstance(straight.law, LinearGap)
+    assert chord_error(found)[1] > 1e-4
 
 
 @pytest.mark.parametrize(('shifts', 'reason'), [

@@ -1,4 +1,4 @@
-"""Turn the record of a commissioning into measured values with a verdict, and into facts about the pads and the gripper.
+"""Turn the record of a commissioning into measured values and facts, each with a verdict.
 
 A value that was not measured is unknown. It is never replaced by a default.
 """
@@ -28,6 +28,7 @@ MOST_DRIFT = 0.01       #: Largest drift of a taxel in five minutes [N].
 MOST_LOST = 0.05        #: Largest share of lost frames.
 MOST_LATENCY = 0.5      #: Largest time from a stop to standstill [s].
 MOST_CHORD_ERROR = 2e-4  #: Largest error of a linear law that stands for a knuckle [m].
+LEAST_FORCE_ERROR = 0.005  #: Relative error of the force that both pads may share.
 DRIFT_TIME = 300.0      #: Time over which the drift is given [s].
 NOT_DONE = 'the step was not finished'
 
@@ -150,11 +151,11 @@ class Evaluation:
 
     @property
     def force_error(self) -> float:
-        """Relative deviation of the mean force of both pads, from the differences between the two pads.
+        """Relative deviation of the mean force of both pads, from the largest difference between the two pads.
 
         The forces on both pads of a free block are equal, so a difference shows how well the pads are calibrated.
         """
-        return float(np.sqrt(np.mean(np.square([grip.imbalance for grip in self.grips])))) if self.grips else 0.0
+        return max((abs(grip.imbalance) for grip in self.grips), default=0.0) + LEAST_FORCE_ERROR
 
     @property
     def effort_map(self) -> EffortMap:
@@ -278,7 +279,9 @@ class Evaluation:
         return lines
 
     def allowed_speed(self, force: float) -> float:
-        """Return the speed at which the predicted overshoot is ``force`` [m/s]; NaN if unknown, 0 if none is slow enough.
+        """Return the speed at which the predicted overshoot is ``force`` [m/s].
+
+        The speed is NaN if it is not known, and 0 if the rounding of a stop alone may exceed ``force``.
         """
         if math.isnan(self.latency) or not self.stiffness.is_known:
             return math.nan

@@ -1,6 +1,5 @@
 """Find how far a contact shifts under a load along the pad, from a known weight."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -11,6 +10,7 @@ from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, mean_
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 
 MOST_DIFFERENT = 0.3  #: Largest difference between two grips, as a share of their mean.
+SHARED_ERROR = 0.04   #: Relative error that both grips share, because the same taxels lie under the object.
 LEAST_SHIFT = 1e-4    #: Smallest shift that shows that the weight hangs on the object [m].
 
 
@@ -58,4 +58,4 @@ def shift_per_load(shifts: Sequence[float]) -> tuple[Estimate, str]:
     if difference > MOST_DIFFERENT:
         return NOT_MEASURED, f'the two grips differ by {100 * difference:.0f} %, more than {100 * MOST_DIFFERENT:.0f} %'
     found = mean_of((first, second))
-    return (found, '') if math.isfinite(found.deviation) else (NOT_MEASURED, 'not measured')
+    return found.with_error(SHARED_ERROR * found.value), ''

@@ -13,6 +13,7 @@ from tactile_node.commissioning.recording import JointStates
 NOISES = 4.0           #: A change by this many standard deviations of the joint's noise is a movement.
 CONFIDENCE = 0.95      #: Confidence of an upper bound of a latency.
 BRAKING = 0.05         #: Time within which a gripper is assumed to brake from its speed to rest [s].
+TURNING_SHARE = 0.7     #: Share of the lost part that lies before a turn, because the way back shows the turn.
 BLOCKED = 0.05         #: Share of the way to the target within which a movement has reached its target.
 END_SHARE = 0.25       #: Share at each end of a movement that is not used for the speed.
 
@@ -99,18 +100,20 @@ def start_latency(trials: Sequence[StopTrial], period: float) -> float:
 
 
 def stop_latency(trials: Sequence[StopTrial], period: float, noise: float, speed: float) -> float:
-    """Return an upper bound of the time from a stop until the gripper moves no further [s]; NaN without trials.
+    """Return an upper bound of the time from a stop until the gripper moves no further [s].
+
+    The time is NaN without trials, and for a way to stop that failed once.
 
     The end of a braked movement is lost in the noise. For a gripper that brakes within BRAKING, the lost part of the
     movement takes the time that is added.
     """
-    stopped = [trial for trial in trials if trial.is_stopped]
-    if not stopped:
+    if not trials or not all(trial.is_stopped for trial in trials):
         return math.nan
-    if any(trial.returns for trial in stopped):
-        return float(max(trial.stopped for trial in stopped)) + period / 4  # the turn lies between two samples
     unseen = math.sqrt(2 * NOISES * noise * BRAKING / speed)
-    return upper_bound([trial.stopped for trial in stopped], period) + unseen
+    times = [trial.stopped for trial in trials]
+    if any(trial.returns for trial in trials):
+        return max(times) + period / 4 + TURNING_SHARE * unseen  # the turn lies between two samples
+    return upper_bound(times, period) + unseen
 
 
 def joint_noise(joint: JointStates) -> float:

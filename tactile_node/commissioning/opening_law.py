@@ -55,7 +55,7 @@ class OpeningLaw:
 
 
 def find_law(onsets: Sequence[Estimate], widths: Sequence[float], *, is_angle: bool) -> OpeningLaw | None:
-    """Return the simplest law through the readings at which the pads touch blocks of known width.
+    """Return the law through the readings at which the pads touch blocks of known width.
 
     Parameters
     ----------
@@ -64,28 +64,26 @@ def find_law(onsets: Sequence[Estimate], widths: Sequence[float], *, is_angle: b
     widths : sequence of float
         Width of each block [m].
     is_angle : bool
-        True if the reading is an angle [rad], so that the gripper may have a knuckle.
+        True if the reading is an angle [rad]. The law is then that of a knuckle, because the error of a linear law
+        between three blocks is too small to show. `chord_error` gives this error.
 
     Returns
     -------
     OpeningLaw or None
-        None for fewer than LEAST_BLOCKS blocks, or if a linear law misses the blocks and the reading is no angle.
+        None for fewer than LEAST_BLOCKS blocks, or if the law misses the blocks, so that a block has another width.
     """
     if len(widths) < LEAST_BLOCKS or not all(onset.is_known for onset in onsets):
         return None
     readings = np.array([onset.value for onset in onsets])
     rough = abs(float(np.polyfit(readings, widths, 1)[0]))
     deviations = np.hypot(BLOCK_TOLERANCE, rough * np.array([onset.deviation for onset in onsets]))
-    for is_knuckle in (False, True)[:1 + is_angle]:
-        terms = np.array([_terms(reading, is_knuckle) for reading in readings])
-        weighted = terms / deviations[:, np.newaxis]
-        coefficients, *_ = np.linalg.lstsq(weighted, widths / deviations, rcond=None)
-        misfit = np.abs(terms @ coefficients - widths)
-        if is_knuckle or (misfit <= np.maximum(LEAST_MISFIT, LINEAR_SIGMAS * deviations)).all():
-            law = KnuckleGap(*map(float, coefficients)) if is_knuckle else LinearGap(*map(float, coefficients))
-            return OpeningLaw(law, np.linalg.inv(weighted.T @ weighted),
-                              (float(readings.min()), float(readings.max())))
-    return None
+    terms = np.array([_terms(reading, is_angle) for reading in readings])
+    weighted = terms / deviations[:, np.newaxis]
+    coefficients, *_ = np.linalg.lstsq(weighted, widths / deviations, rcond=None)
+    if (np.abs(terms @ coefficients - widths) > np.maximum(LEAST_MISFIT, LINEAR_SIGMAS * deviations)).any():
+        return None
+    law = KnuckleGap(*map(float, coefficients)) if is_angle else LinearGap(*map(float, coefficients))
+    return OpeningLaw(law, np.linalg.inv(weighted.T @ weighted), (float(readings.min()), float(readings.max())))
 
 
 def chord_error(found: OpeningLaw) -> tuple[LinearGap, float]:

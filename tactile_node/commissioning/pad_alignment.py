@@ -10,9 +10,9 @@ from tactile_node.commissioning.block_grip import MIRROR, BlockGrip
 from tactile_node.commissioning.measurement import Estimate, mean_of
 
 # Errors that all grips share, because the same taxels with the same gains lie under the blocks.
-OFFSET_ERROR = 3e-5  #: [m]
+OFFSET_ERROR = 5e-5  #: [m]
 TURN_ERROR = 2e-3    #: [rad]
-TILT_ERROR = 5e-4    #: [rad]
+TILT_ERROR = 8e-4    #: [rad]
 
 
 class PadAlignment(NamedTuple):

@@ -24,7 +24,7 @@ HELD_SHARE = 0.5       #: A press lasts while its force is above this share of i
 CONTACT_SHARE = 0.25   #: A taxel belongs to a press above this share of the strongest taxel.
 SECOND_SHARE = 0.3     #: Two fingers press if the second group of taxels carries this share of the first one.
 MOST_OFF = 0.35        #: Largest distance between a press and its place [half sizes of the pad].
-REACH = 0.75           #: Distance from the centre at which a finger presses a corner or an edge [half sizes of the pad].
+REACH = 0.75           #: Distance of a pressed corner or edge from the centre [half sizes of the pad].
 
 
 class Press(NamedTuple):

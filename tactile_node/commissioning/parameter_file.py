@@ -10,7 +10,6 @@ import numpy as np
 import yaml
 
 from tactile_node.commissioning.evaluation import Evaluation
-from tactile_node.commissioning.movement import StopWay
 from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.pad_mounting import PadMounting, taxel_places
 from tactile_node.commissioning.plan import CommissioningPlan

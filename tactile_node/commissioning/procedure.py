@@ -59,7 +59,7 @@ FOAM_SHARE = 0.5        #: Force on the foam, as a share of the force limit.
 FOAM_STALLS = 4         #: Smallest number of stalls on the foam.
 FOAM_FACTOR = 1.2       #: Factor between two efforts on the foam.
 STOPPED_TIME = 1.2      #: Duration of the recording after a stop [s].
-PHASES = 0.05           #: Range of the additional time before a command, over which the phase of the samples varies [s].
+PHASES = 0.05           #: Range of the time before a command, so that the phase of the samples varies [s].
 STEP_INCREMENT = 2.5e-5  #: Increment of the commands that find the step of the gripper [m].
 STEP_RANGE = 6          #: Number of steps of the gripper over which the commands rise at most.
 STEP_COMMANDS = 260     #: Largest number of these commands.
@@ -93,6 +93,8 @@ class CommissioningProcedure:
         self._person, self._plan, self._record = person, plan, record
         self.refused: list[tuple[str, RefusedStepError]] = []  #: parts that were refused, with the reason
         self._gripper.noise = record.get('first movement').get('noise', self._gripper.noise)
+        self._order: tuple[int, ...] = ()  # numbers of the left and the right pad
+        self._places: tuple[np.ndarray, np.ndarray]
         self._recall_pads()
 
     @property
@@ -128,11 +130,11 @@ class CommissioningProcedure:
         """What the finished steps show."""
         return Evaluation(self._record, self._plan)
 
-    def _attempt(self, part: Callable[[], Result]) -> Result:
-        """Carry out a part of a step, again after each mistake."""
+    def _attempt(self, part: Callable[..., Result], *given: Any) -> Result:
+        """Carry out a part of a step with the arguments ``given``, again after each mistake."""
         for attempt in range(REPEATS):
             try:
-                return part()
+                return part(*given)
             except RefusedStepError as error:
                 self._gripper.stop()
                 self.refused.append((error.where, error))
@@ -149,7 +151,7 @@ class CommissioningProcedure:
 
     def _rest(self) -> dict[str, Any]:
         self._ask(Act.LEAVE, f'Do not touch the pads for {self._plan.rest_time:g} s.')
-        recording = self._attempt(lambda: self._gripper.watch(self._plan.rest_time, 'rest', may_touch=True))
+        recording = self._attempt(self._record_pads, self._plan.rest_time, 'rest')
         age = self._gripper.age_of_frames(AGE_TIME)
         found = [measure_rest(pad) for pad in recording.pads]
         if None in found:
@@ -161,23 +163,20 @@ class CommissioningProcedure:
     def _pads(self) -> dict[str, Any]:
         (left, first), (right, second) = self._attempt(self._press_both)
         strokes = [self._stroke(pad) for pad in PADS]
-        findings = {pad: survey([self._unzeroed(each, pad) for each in strokes]) for pad in (0, 1)}
+        findings = {pad: survey([each.pads[pad].forces for each in strokes]) for pad in (0, 1)}
         results = {'order': [left, right], 'mountings': [first, second],
                    'taxels': [findings[pad] for pad in (left, right)]}
         self._record.save('pads', results)
         self._recall_pads()
         return results
 
-    def _unzeroed(self, recording: Recording, pad: int) -> np.ndarray:
-        return recording.pads[pad].forces
-
     def _press_both(self) -> tuple[tuple[int, PadMounting], tuple[int, PadMounting]]:
-        left, right = (self._attempt(lambda pad=pad: self._press_pad(pad)) for pad in PADS)
+        left, right = (self._attempt(self._press_pad, pad) for pad in PADS)
         check_two_pads(left[0], right[0])
         return left, right
 
     def _press_pad(self, pad: str) -> tuple[int, PadMounting]:
-        presses = [self._attempt(lambda place=place: self._press(pad, place)) for place in PLACES]
+        presses = [self._attempt(self._press, pad, place) for place in PLACES]
         return find_mounting(presses, f'presses on the {pad} pad')
 
     def _press(self, pad: str, place: str) -> Press:
@@ -188,14 +187,18 @@ class CommissioningProcedure:
 
     def _stroke(self, pad: str) -> Recording:
         self._ask(Act.STROKE, f'Press everywhere on the {pad} pad for {STROKE_TIME:g} s.', pad=pad)
-        return self._attempt(lambda: self._gripper.watch(STROKE_TIME, f'{pad} pad', may_touch=True))
+        return self._attempt(self._record_pads, STROKE_TIME, f'{pad} pad')
+
+    def _record_pads(self, seconds: float, where: str) -> Recording:
+        return self._gripper.watch(seconds, where, may_touch=True)
 
     def _recall_pads(self) -> None:
         """Take the zero, the faulty taxels and the mountings from the record."""
         if pads := self._record.get('pads'):
             self._order = tuple(pads['order'])
             mountings = [PadMounting(*each) for each in pads['mountings']]
-            self._places = tuple(taxel_places(self._plan.grid, each) for each in mountings)
+            left, right = (taxel_places(self._plan.grid, each) for each in mountings)
+            self._places = left, right
             taxels = np.array(pads['taxels']) == TaxelFinding.FAULTY
             for number, pad in enumerate(self._order):
                 self._gripper.is_faulty[pad] = taxels[number]
@@ -221,7 +224,7 @@ class CommissioningProcedure:
         target = start + way if start < (self._plan.low + self._plan.high) / 2 else start - way
         first = Move(target, FIRST_EFFORT * self._plan.most_effort, self._plan.travel / FREE_TIME / 10)
         self._gripper.consent('first movement, with rising effort', first, TOUCHED, 1)
-        effort = self._attempt(lambda: self._smallest_effort(first, start))
+        effort = self._attempt(self._smallest_effort, first, start)
         answer = self._ask(Act.DIRECTION, 'How have the fingers moved?', ('opened', 'closed', 'not moved'))
         opens_rising = (answer == 'opened') == (target > start)
         return {'noise': noise, 'effort': effort, 'opens_rising': opens_rising}
@@ -268,7 +271,7 @@ class CommissioningProcedure:
         for way in StopWay:
             trials = []
             for number in range(self._plan.stop_trials):
-                trial, movement = self._attempt(lambda way=way, number=number: self._stop_trial(way, number, target))
+                trial, movement = self._attempt(self._stop_trial, way, number, target)
                 trials.append(trial)
                 movements.append(movement)
             results['trials'][way.value] = trials
@@ -310,7 +313,7 @@ class CommissioningProcedure:
         middle = law.middle if law else (self._plan.low + self._plan.high) / 2
         increment = STEP_INCREMENT / abs(law.slope(middle).value) if law else 0.0003 * self._plan.travel
         self._gripper.consent('small steps', self._free(middle), TOUCHED, STEP_COMMANDS)
-        self._attempt(lambda: self._gripper.move(self._free(middle), 'step'))
+        self._attempt(self._gripper.move, self._free(middle), 'step')
         commanded, reached = [], []
         for number in range(STEP_COMMANDS):
             commanded.append(middle + number * increment)
@@ -332,7 +335,7 @@ class CommissioningProcedure:
         if 'first movement' in self._record:  # a gripper that holds an object would snap shut
             self._attempt(lambda: self._gripper.move(self._free(self._open_end), where, may_touch=True))
         self._ask(Act.CLEAR, 'Take everything out of the gripper, and keep away from the pads.')
-        self._attempt(lambda: self._gripper.renew_zero(where))
+        self._attempt(self._gripper.renew_zero, where)
 
     def _insert(self, act: Act, text: str, width: float = 0.0) -> None:
         where = act.value
@@ -351,10 +354,10 @@ class CommissioningProcedure:
         self._insert(Act.FOAM, 'Hold the foam between the pads until the gripper holds it.')
         self._gripper.consent('foam, with rising effort', Move(self._closed_end, self._plan.most_effort,
                                                                self._plan.travel / FREE_TIME), goal, 12)
-        stalls = self._attempt(lambda: self._squeeze(goal))
-        lets_go = {way.value: self._attempt(lambda way=way: self._stop_under_load(way, stalls[-1]))
+        stalls = self._attempt(self._squeeze, goal)
+        lets_go = {way.value: self._attempt(self._stop_under_load, way, stalls[-1])
                    for way in (StopWay.CANCEL, StopWay.GOAL)}
-        held = self._attempt(lambda: self._hold(stalls[-1]))
+        held = self._attempt(self._hold, stalls[-1])
         return {'efforts': [stall.effort for stall in stalls], 'forces': [stall.force for stall in stalls],
                 'stiffness': stiffness_of(stalls), 'kept': lets_go, 'held': held}
 
@@ -428,7 +431,7 @@ class CommissioningProcedure:
         return -self._towards * 2 * widest / self._plan.travel
 
     def _block_step(self, block: GaugeBlock) -> Callable[[], dict[str, Any]]:
-        return lambda: dict(self._attempt(lambda: self._grip(block))._asdict())
+        return lambda: dict(self._attempt(self._grip, block)._asdict())
 
     def _grip(self, block: GaugeBlock, act: Act = Act.BLOCK) -> BlockGrip:
         where = f'block of {1e3 * block.width:g} mm'
@@ -504,7 +507,7 @@ class CommissioningProcedure:
         start = grip.onset.value - self._towards * BACK / slope
         move = Move(self._closed_end, self._effort_for(PROOF_FACTOR * self._plan.touch_force), speed / slope)
         self._gripper.consent('proof', move, self._plan.touch_force + predicted, self._plan.closes)
-        closes = [self._attempt(lambda: self._close(move, start, way, grip)) for _ in range(self._plan.closes)]
+        closes = [self._attempt(self._close, move, start, way, grip) for _ in range(self._plan.closes)]
         return {'closes': closes, 'speed': speed, 'predicted': predicted, 'reason': ''}
 
     def _close(self, move: Move, start: float, way: StopWay, grip: BlockGrip) -> Close:

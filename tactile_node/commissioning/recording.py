@@ -42,11 +42,12 @@ class Recording(NamedTuple):
 
     def after(self, time: float) -> 'Recording':
         """Return the part of the recording from ``time`` [s] on."""
-        return Recording(tuple(PadFrames(*(each[pad.times >= time] for each in pad)) for pad in self.pads),
-                         JointStates(*(each[self.joint.times >= time] for each in self.joint)))
+        first, second = (PadFrames(*(each[pad.times >= time] for each in pad)) for pad in self.pads)
+        return Recording((first, second), JointStates(*(each[self.joint.times >= time] for each in self.joint)))
 
 
 def joined(recordings: Sequence[Recording]) -> Recording:
     """Return one recording from successive recordings, of which there is at least one."""
-    pads = (PadFrames(*map(np.concatenate, zip(*(each.pads[number] for each in recordings)))) for number in (0, 1))
-    return Recording(tuple(pads), JointStates(*map(np.concatenate, zip(*(each.joint for each in recordings)))))
+    first, second = (PadFrames(*map(np.concatenate, zip(*(each.pads[number] for each in recordings))))
+                     for number in (0, 1))
+    return Recording((first, second), JointStates(*map(np.concatenate, zip(*(each.joint for each in recordings)))))
