@@ -431,8 +431,10 @@ class CommissioningDesk:
             self._sequences[pad] += 1
             if self._rng.random() < truth.losses:
                 continue
-            values = self._gains[pad] * image * self._relaxed() + self._zero[pad] \
-                + truth.drift[pad] * (self._time - 100.0) + truth.noise * self._rng.standard_normal(image.shape)
+            values = truth.noise * self._rng.standard_normal(image.shape, np.float32) + self._zero[pad]
+            values += truth.drift[pad] * (self._time - 100.0)
+            if image.any():
+                values += self._gains[pad] * image * self._relaxed()
             for row, col in truth.faulty[pad]:
                 values[row, col] = self._zero[pad][row, col]
             self._pending.append((self._time + truth.frame_delay, stream,
@@ -446,6 +448,7 @@ class CommissioningDesk:
         joint: list[tuple[float, float]] = []
         frames: list[list[tuple]] = [[], []]
         while self._time < end - 1e-9:
+            before = self._time
             if self._is_moving():
                 self._tick()
                 self._time += TICK
@@ -455,8 +458,8 @@ class CommissioningDesk:
                 self._time = max(self._time, min(following)) if min(following) > self._time else self._time + TICK
             if self._object is not None and self._pulls and self._force(self._motion.reading) > 2.0:
                 self._pulls, self._pulled, self._object = False, self._object, None
-            if self._object is not None and self._object.slides:
-                self._object.y += self._object.slides * TICK
+            if self._object is not None and self._object.slides and self._force(self._motion.reading):
+                self._object.y += self._object.slides * (self._time - before)
             if self._time >= self._joint_at:
                 self._joint_at += self.truth.joint_period
                 if not self._is_off:
@@ -484,6 +487,7 @@ class CommissioningDesk:
     def _repeat(self, question: Question) -> str:
         """Follow the remedy."""
         self._is_off = self._is_stopped = self._is_other_joint = False
+        self._other_client_until = -math.inf
         self._fingers = []
         self._object, self._pulled = self._object or self._pulled, None
         return 'done'
@@ -544,7 +548,7 @@ class CommissioningDesk:
         if question.act is Act.BLOCK and self._makes(Mistake.BLOCK_ASKEW):
             held.skew = math.radians(5)
         if question.act is Act.BLOCK and self._makes(Mistake.BLOCK_SLID):
-            held.slides = 0.0012
+            held.slides = 0.0005
         self._objects += 1
         held.number = self._objects
         self._object = held

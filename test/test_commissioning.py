@@ -107,7 +107,7 @@ def test_two_deviations_contain_the_mean_and_the_slope_as_often_as_stated():
 
 
 @pytest.mark.parametrize('period', [0.008, 0.02])
-@pytest.mark.parametrize('jitter', [0.0, 0.4, 1.0])
+@pytest.mark.parametrize('jitter', [0.0, 0.3, 0.6])
 def test_the_bound_of_a_latency_lies_above_the_truth_but_not_by_a_period(period, jitter):
     rng = np.random.default_rng(6)
     truth = 0.1
@@ -146,8 +146,11 @@ def test_a_commissioning_finds_the_truth(finished):
     record = CommissioningRecord(path)
     result = compared(desk.truth, Evaluation(record, plan), record)
     assert [(name, *pair) for name, pair in result['facts'].items() if pair[0] != pair[1]] == []
-    for found, true in result['latencies'].values():
-        assert true <= found <= true + 0.02
+    for name, (found, true) in result['latencies'].items():
+        if name == desk.truth.failing.value:
+            assert np.isnan(found)
+        else:
+            assert true <= found <= true + 0.02
     assert result['law'][0] < 2e-4
     assert result['law'][1] < 0.01
     for name, error in result['poses'].items():

@@ -89,6 +89,7 @@ def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray],
     if len(stalls) < LEAST_STALLS + 1 or max(stall.force for stall in stalls) < LEAST_LOAD * LEAST_TAXELS:
         raise RefusedStepError(where, Mistake.BLOCK_MISSING, expected='a force on both pads', got='none',
                                remedy='Hold the block between the pads until the gripper holds it.')
+    _check_still(stalls, places, where)
     planes = [_TaxelLines.of(stalls, number, places[number]) for number in (0, 1)]
     if min(len(plane.places) for plane in planes) < LEAST_TAXELS:
         raise RefusedStepError(where, Mistake.BLOCK_ASKEW, expected='a face of the block on each pad',
@@ -99,7 +100,6 @@ def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray],
         raise RefusedStepError(where, Mistake.BLOCK_ASKEW, expected='a block that lies flat on both pads',
                                got=f'{np.degrees(skew):.0f} degrees between the block and the pads',
                                remedy='Let go of the block once the gripper holds it.')
-    _check_still(stalls, places, where)
     for plane, pad in zip(planes, places):
         plane.check_face(pad, length, where)
 

@@ -286,9 +286,9 @@ class Evaluation:
         if math.isnan(self.latency) or not self.stiffness.is_known:
             return math.nan
         rounding = self.rounding
-        if math.isnan(rounding) or predict_overshoot(0.0, 0.0, self.stiffness.value, rounding) > force:
+        if math.isnan(rounding) or predict_overshoot(0.0, 0.0, self.stiffness.upper, rounding) > force:
             return math.nan if math.isnan(rounding) else 0.0
-        return force / (self.stiffness.value * self.latency)
+        return force / (self.stiffness.upper * self.latency)
 
     @property
     def rounding(self) -> float:

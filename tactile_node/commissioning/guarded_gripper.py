@@ -105,13 +105,14 @@ class GuardedGripper:
             or if the pads are touched although ``may_touch`` is False. The gripper is stopped first.
         """
         parts: list[Recording] = []
-        end = self.now() + seconds
+        begun = self.now()
+        end = begun + seconds
         self._joint_seen = max(self._joint_seen, self.now())
         self._pads_seen = max(self._pads_seen, self.now())
         while not parts or self.now() < end - 1e-9:
             part = self._without_zero(self._gripper.advance(min(tick, max(end - self.now(), 1e-3))))
             parts.append(part)
-            if mistake := self._unexpected(part, where, may_touch):
+            if mistake := self._unexpected(part, begun, where, may_touch):
                 self.stop()
                 raise mistake
             if is_over is not None and is_over(part):
@@ -195,8 +196,8 @@ class GuardedGripper:
                        for pad, zero, faulty in zip(recording.pads, self.zero, self.is_faulty))
         return Recording((left, right), recording.joint)
 
-    def _unexpected(self, part: Recording, where: str, may_touch: bool) -> RefusedStepError | None:
-        """Return the reason to stop, or None."""
+    def _unexpected(self, part: Recording, begun: float, where: str, may_touch: bool) -> RefusedStepError | None:
+        """Return the reason to stop, or None. Frames from before ``begun`` may show what the person did before."""
         now = self.now()
         if len(part.joint.times):
             self._joint_seen, self._reading = now, float(part.joint.positions[-1])
@@ -217,7 +218,7 @@ class GuardedGripper:
                                     expected=f'a joint between {self._plan.low:g} and {self._plan.high:g}',
                                     remedy='Give the name of the joint of the gripper.')
         limit = HARD_LIMIT * self._plan.force_limit if may_touch else TOUCHED
-        force = contact_force(part)
+        force = contact_force(part.after(begun))
         if force > limit:
             return RefusedStepError(where, Mistake.HAND_BETWEEN, expected=f'a force of at most {limit:g} N',
                                     got=f'{force:.2g} N', remedy='Keep your hands out of the gripper.')

@@ -12,6 +12,9 @@ from tactile_node.commissioning.recording import JointStates
 
 NOISES = 4.0           #: A change by this many standard deviations of the joint's noise is a movement.
 CONFIDENCE = 0.95      #: Confidence of an upper bound of a latency.
+#: Distance of the bound of a latency above the largest time, as a multiple of the spread of the times and of the root
+#: of the chance that one trial misses the bound.
+BOUND_FACTOR = 1.1
 BRAKING = 0.05         #: Time within which a gripper is assumed to brake from its speed to rest [s].
 TURNING_SHARE = 0.7     #: Share of the lost part that lies before a turn, because the way back shows the turn.
 BLOCKED = 0.05         #: Share of the way to the target within which a movement has reached its target.
@@ -87,11 +90,11 @@ def upper_bound(last_before: Sequence[float], period: float) -> float:
 
     The phase of the samples is random, and the latency itself may vary. The sum of two such errors rarely comes close
     to its largest value, so the bound lies above the largest of these times by a share of their spread. The share holds
-    with CONFIDENCE if the latency varies by as much as the period.
+    with CONFIDENCE if the latency varies by up to 0.6 periods.
     """
     spread = max(period, float(np.ptp(last_before)))
     missed = 1 - (1 - CONFIDENCE) ** (1 / len(last_before))
-    return float(max(last_before)) + spread / 2 * math.sqrt(2 * missed)
+    return float(max(last_before)) + BOUND_FACTOR * spread * math.sqrt(missed)
 
 
 def start_latency(trials: Sequence[StopTrial], period: float) -> float:

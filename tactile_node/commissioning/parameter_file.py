@@ -18,6 +18,8 @@ from tactile_node.output_file import output_file
 
 #: Frame of the poses of the pads. A transform from the palm to this frame has to come from the robot.
 FRAME = 'left_pad_centre'
+#: Share of the allowed speed that is written, so that rounding does not exceed the allowed overshoot.
+SPEED_SHARE = 0.99
 HEAD = '''# Parameters that `tactile_node.commissioning` has measured. Pass this file with params_file:=.
 # A parameter that is missing here was not measured; the report gives the reason.
 # The poses are relative only: {frame} lies in the middle of the left skin, with z towards the right pad.
@@ -86,8 +88,8 @@ def _add_closing(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found
         absent['stop_by'] = 'no way to stop is reliable and keeps the force, or the stops were not tried'
     else:
         closing['stop_by'] = found.stop_by.value
-    speed = found.allowed_speed(plan.overshoot)
-    for name, value in (('latency', found.latency), ('stiffness', found.stiffness.value),
+    speed = SPEED_SHARE * found.allowed_speed(plan.overshoot)
+    for name, value in (('latency', found.latency), ('stiffness', found.stiffness.upper),
                         ('gripper_step', found.step.value), ('slow_speed', speed), ('fast_speed', speed)):
         if math.isfinite(value) and value > 0:
             closing[name] = _rounded(value)
