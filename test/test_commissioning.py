@@ -215,13 +215,14 @@ def test_the_gripper_is_stopped_in_both_ways_after_a_mistake(finished, tmp_path,
 
     def ask(question):
         if question.act is Act.REPEAT:
-            before.append((desk.cancels, desk.commands[-1][0]))
+            before.append((desk.cancels, *desk.commands[-1][:2]))
         return answer(question)
     desk.ask = ask
     procedure.run()
-    (cancels, position), = before
+    (cancels, position, effort), = before
     assert cancels > 0
     assert plan.low - 0.1 * plan.travel <= position <= plan.high + 0.1 * plan.travel
+    assert effort > desk.truth.idle_effort  # a smaller effort would not hold the gripper
 
 
 def test_nothing_moves_while_another_client_commands_the_gripper(tmp_path):

@@ -58,6 +58,7 @@ class GuardedGripper:
         self.zero, self.is_faulty = np.zeros(shape), np.zeros(shape, bool)
         self.noise = 1e-4 * plan.travel
         self._reading = math.nan
+        self._last: Move | None = None
         self._joint_seen = self._pads_seen = -math.inf
 
     def now(self) -> float:
@@ -83,15 +84,16 @@ class GuardedGripper:
                                    remedy='Start the command again when the gripper may move.')
 
     def stop(self) -> None:
-        """Stop the gripper in both ways of stopping."""
+        """Stop the gripper in both ways of stopping, with the effort of the last command, which is known to suffice."""
         self._gripper.cancel()
-        if math.isfinite(self._reading):
-            self._gripper.command(self._reading, self._plan.most_effort / 100, self._plan.travel / 100)
+        if self._last is not None and math.isfinite(self._reading):
+            self.command(self._last._replace(position=self._reading))
 
     def cancel(self) -> None:
         self._gripper.cancel()
 
     def command(self, move: Move) -> None:
+        self._last = move
         self._gripper.command(*move)
 
     def watch(self, seconds: float, where: str, *, may_touch: bool, is_over: Callable[[Recording], bool] | None = None,
