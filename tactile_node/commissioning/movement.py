@@ -11,6 +11,7 @@ from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, line_
 from tactile_node.commissioning.recording import JointStates
 
 NOISES = 4.0           #: A change by this many standard deviations of the joint's noise is a movement.
+CLEAR_NOISES = 20.0    #: A change by this many deviations shows a movement even among thousands of samples.
 CONFIDENCE = 0.95      #: Confidence of an upper bound of a latency.
 #: Distance of the bound of a latency above the largest time, as a multiple of the spread of the times and of the root
 #: of the chance that one trial misses the bound.
@@ -73,9 +74,10 @@ def measure_stop(joint: JointStates, commanded: float, stopped: float, target: f
     start = float(joint.positions[before].mean())
     sign = math.copysign(1.0, target - start)
     progress = sign * (joint.positions - start)
-    moved = np.flatnonzero(~before & (progress > NOISES * noise))
-    first = int(moved[0]) if moved.size else len(progress)
-    started = float(joint.times[max(first - 1, 0)] - commanded)
+    moved = np.flatnonzero(~before & (progress > CLEAR_NOISES * noise))
+    clear = int(moved[0]) if moved.size else len(progress)
+    at_rest = np.flatnonzero(progress[:clear] <= NOISES * noise)
+    started = float(joint.times[at_rest[-1] if at_rest.size else 0] - commanded)
     is_stopped = bool(progress.max() < (1 - BLOCKED) * abs(target - start))
     extreme = int(np.argmax(progress))
     returns = bool(progress.max() - progress[-1] > 2 * NOISES * noise)
