@@ -233,6 +233,14 @@ def test_nothing_moves_while_another_client_commands_the_gripper(tmp_path):
     assert not desk.commands
 
 
+def test_nothing_moves_without_an_emergency_stop_in_reach(tmp_path):
+    desk, plan = desk_of()
+    desk.ask = lambda question: 'no' if question.act is Act.CONFIRM_STOP else 'yes'
+    with pytest.raises(RefusedStepError, match='emergency stop'):
+        CommissioningProcedure(desk, desk, plan, CommissioningRecord(tmp_path / 'record.json')).run()
+    assert not desk.commands
+
+
 @pytest.mark.slow
 def test_nothing_moves_without_consent(tmp_path):
     desk, plan = desk_of()

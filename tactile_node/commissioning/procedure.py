@@ -116,7 +116,10 @@ class CommissioningProcedure:
         if who := self._others():
             raise RefusedStepError('gripper', Mistake.OTHER_CLIENT, expected='no other client of the gripper', got=who,
                                    remedy='Stop touch_gripper and all other clients first.')
-        self._ask(Act.CONFIRM_STOP, 'The gripper will move. Is the emergency stop in your reach?', ('yes',))
+        if self._ask(Act.CONFIRM_STOP, 'The gripper will move. Is the emergency stop in your reach?',
+                     ('yes', 'no')) != 'yes':
+            raise RefusedStepError('gripper', Mistake.NO_CONSENT, expected='an emergency stop in reach', got='no',
+                                   remedy='Put the emergency stop within your reach.')
         try:
             for name, step in self.steps.items():
                 if name not in self._record:
