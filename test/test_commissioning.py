@@ -17,6 +17,7 @@ from tactile_node.commissioning.measurement import Estimate, Verdict, line_throu
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.movement import StopWay, upper_bound
 from tactile_node.commissioning.opening_law import KnuckleGap, chord_error, find_law
+from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.pad_mounting import MOUNTINGS, PLACES, REACH, Press, find_mounting
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
 from tactile_node.commissioning.procedure import FIRST_SHARE, CommissioningProcedure
@@ -26,6 +27,7 @@ from tactile_node.errors import InputError
 from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
 from tactile_node.grasp.opening import LinearGap
 from tactile_node.gripper.gripper_settings import GripperSettings
+from tactile_node.parameter import table
 from tactile_node.ros import settings
 
 SHORT = {'rest_time': 20.0, 'hold_time': 8.0, 'stop_trials': 6, 'closes': 2}
@@ -201,8 +203,10 @@ def test_a_mistake_is_explained_and_only_its_part_is_repeated(finished, tmp_path
     assert len(explained) == 1
     assert all(word in explained[0] for word in ('expected', 'got'))
     assert PARTS[mistake] in record
-    once = {Act.STROKE, Act.CONFIRM_STOP}
-    assert all([question.act for question in desk.questions].count(act) <= 2 for act in once)
+    acts = [question.act for question in desk.questions]
+    assert acts.count(Act.CONFIRM_STOP) == 1
+    if PARTS[mistake] != 'pads':
+        assert not {Act.PRESS, Act.STROKE, Act.FOAM, Act.LEAVE} & set(acts)
 
 
 @pytest.mark.slow
@@ -285,7 +289,7 @@ def test_the_parameter_file_sets_only_parameters_that_exist_and_are_in_range(fin
         settings_class = classes[node.removeprefix('/**/')]
         given = {name: tuple(value) if isinstance(value, list) else value
                  for name, value in content['ros__parameters'].items()}
-        for row in settings.table(settings_class) if hasattr(settings, 'table') else ():
+        for row in table(settings_class):
             if isinstance(given.get(row.name), float):
                 assert row.properties.low <= given[row.name] <= row.properties.high
         settings_class(**given)  # refuses an unknown name or limits that contradict each other
@@ -323,7 +327,6 @@ def test_a_record_of_another_kind_is_refused(tmp_path):
 
 
 def test_the_poses_of_the_pads_bring_the_prints_of_a_block_to_one_line():
-    from tactile_node.commissioning.pad_alignment import PadAlignment
     mountings = [MOUNTINGS[1], MOUNTINGS[2]]
     turn, offset = 0.04, np.array((0.003, -0.002))
     alignment = PadAlignment(*(Estimate(each, 0.0) for each in (*offset, turn, 0.0, 0.0)))
