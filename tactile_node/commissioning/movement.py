@@ -16,6 +16,8 @@ CONFIDENCE = 0.95      #: Confidence of an upper bound of a latency.
 #: Distance of the bound of a latency above the largest time, as a multiple of the spread of the times and of the root
 #: of the chance that one trial misses the bound.
 BOUND_FACTOR = 1.1
+#: Distance from standstill at which a sample may already look still [deviations]: NOISES, and the noise of the sample.
+UNSEEN_NOISES = 6.0
 BRAKING = 0.05         #: Time within which a gripper is assumed to brake from its speed to rest [s].
 TURNING_SHARE = 0.7     #: Share of the lost part that lies before a turn, because the way back shows the turn.
 BLOCKED = 0.05         #: Share of the way to the target within which a movement has reached its target.
@@ -114,7 +116,7 @@ def stop_latency(trials: Sequence[StopTrial], period: float, noise: float, speed
     """
     if not trials or not all(trial.is_stopped for trial in trials):
         return math.nan
-    unseen = math.sqrt(2 * NOISES * noise * BRAKING / speed)
+    unseen = math.sqrt(2 * UNSEEN_NOISES * noise * BRAKING / speed)
     times = [trial.stopped for trial in trials]
     if any(trial.returns for trial in trials):
         return max(times) + period / 4 + TURNING_SHARE * unseen  # the turn lies between two samples

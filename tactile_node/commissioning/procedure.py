@@ -67,6 +67,7 @@ SETTLE = 0.2            #: Time between a command in small increments and its re
 BACK = 0.002            #: Opening beyond the object before a close [m].
 PROOF_FACTOR = 2.0      #: Force at which the gripper would stall, as a multiple of the force that stops a close.
 SLOWEST = 2e-4          #: Slowest closing speed [m/s].
+READING_NOISES = 3.0    #: Largest of some hundred readings, in deviations above their mean.
 CLOSE_LIMIT = 90.0      #: Time allowed for a close [s].
 SETTLED_FRAMES = 10     #: Number of frames from which the force after a close is averaged.
 LOOSE_SHARE = 0.3       #: Share of the force below which the object was pulled out.
@@ -505,13 +506,19 @@ class CommissioningProcedure:
         slope = abs(law.slope(grip.onset.value).value)
         stiffness = found.stiffness_at(grip).upper
         speed = max(SLOWEST, min(self._plan.overshoot / (found.latency * stiffness), found.speed.value))
-        predicted = predict_overshoot(found.latency, speed, stiffness, found.rounding)
+        predicted = predict_overshoot(found.latency, speed, stiffness, found.rounding) + self._reading_error
         self._insert(Act.OBJECT, 'Hold the block between the pads until the gripper holds it.', block.width)
         start = grip.onset.value - self._towards * BACK / slope
         move = Move(self._closed_end, self._effort_for(PROOF_FACTOR * self._plan.touch_force), speed / slope)
         self._gripper.consent('proof', move, self._plan.touch_force + predicted, self._plan.closes)
         closes = [self._attempt(self._close, move, start, way, grip) for _ in range(self._plan.closes)]
         return {'closes': closes, 'speed': speed, 'predicted': predicted, 'reason': ''}
+
+    @property
+    def _reading_error(self) -> float:
+        """Noise by which the largest of several force readings exceeds the true force [N]."""
+        noise = max(pad['noise'][0] for pad in self._record['rest']['pads'])
+        return READING_NOISES * noise * float(np.sqrt(self._plan.grid.rows * self._plan.grid.cols))
 
     def _close(self, move: Move, start: float, way: StopWay, grip: BlockGrip) -> Close:
         self._gripper.move(self._free(start)._replace(effort=move.effort), 'proof', may_touch=True)
