@@ -10,14 +10,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_node'
-NUMERICAL = {'conditioning', 'contact', 'helmholtz', 'shape', 'pose', 'grasp', 'learning'}
+NUMERICAL = {'conditioning', 'contact', 'helmholtz', 'shape', 'pose', 'grasp', 'learning', 'commissioning'}
 CAN_SIDE = {'cia301', 'skin', 'assembly', 'logs', 'bus', 'sources'}
 #: Maps each subpackage to the other subpackages that it may import. Every subpackage may also import itself and the
 #: top-level modules.
 ALLOWED = {
     'contact': set(), 'helmholtz': set(), 'conditioning': set(), 'shape': {'contact', 'helmholtz'},
     'pose': {'contact', 'shape'}, 'grasp': {'shape'}, 'learning': {'conditioning', 'contact', 'pose', 'shape'},
-    'library': {'contact', 'helmholtz', 'learning', 'pose', 'shape'},
+    'commissioning': {'grasp'}, 'library': {'contact', 'helmholtz', 'learning', 'pose', 'shape'},
     'cia301': set(), 'skin': {'cia301'}, 'assembly': {'cia301', 'skin'}, 'logs': {'assembly', 'cia301', 'skin'},
     'bus': {'assembly', 'cia301', 'logs', 'skin'}, 'sources': {'assembly', 'bus', 'cia301', 'logs', 'skin'},
     'simulator': {'bus', 'cia301', 'pose', 'shape', 'skin'},

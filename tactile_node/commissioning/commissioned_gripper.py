@@ -1,0 +1,60 @@
+"""Describe what a commissioning needs from the gripper, the pads and the person."""
+
+from enum import Enum
+from typing import NamedTuple, Protocol
+
+from tactile_node.commissioning.recording import Recording
+
+
+class CommissionedGripper(Protocol):
+    """A gripper with two pads. A ROS adapter or a simulation implements it."""
+
+    def now(self) -> float:
+        """Return the time, on the clock of the recordings [s]."""
+
+    def advance(self, seconds: float) -> Recording:
+        """Wait, and return everything that was received meanwhile."""
+
+    def command(self, position: float, effort: float, speed: float) -> None:
+        """Send a goal, in the units of the joint and of the gripper's effort."""
+
+    def cancel(self) -> None:
+        """Cancel all goals."""
+
+    def others(self) -> str:
+        """Return who else commands the gripper, for example a touch_gripper node; '' for nobody."""
+
+
+class Act(Enum):
+    """What a question asks the person to do."""
+
+    CONFIRM_STOP = 'confirm that the emergency stop is in reach'
+    CONSENT = 'consent to a series of movements'
+    LEAVE = 'leave the pads untouched'
+    PRESS = 'press one place of a pad'
+    STROKE = 'press everywhere on a pad'
+    DIRECTION = 'say how the fingers have moved'
+    FOAM = 'hold foam between the pads'
+    BLOCK = 'hold a block between the pads'
+    CLEAR = 'take everything out of the gripper'
+    WEIGHT = 'hang the weight on the object'
+    OBJECT = 'hold the object between the pads'
+    REPEAT = 'correct a mistake before a part is repeated'
+
+
+class Question(NamedTuple):
+    """A question to the person."""
+
+    act: Act
+    text: str
+    choices: tuple[str, ...] = ('done',)
+    pad: str = ''        #: name of the pad to press
+    place: str = ''      #: place on this pad
+    width: float = 0.0   #: width of the block [m]
+
+
+class Person(Protocol):
+    """The person at the gripper."""
+
+    def ask(self, question: Question) -> str:
+        """Return one of the choices of the question."""

@@ -1,0 +1,92 @@
+"""Keep the results of the steps in one JSON file, so that a commissioning can be continued."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_node.commissioning.block_grip import BlockGrip, Print
+from tactile_node.commissioning.lateral_shift import HungWeight
+from tactile_node.commissioning.measurement import Estimate
+from tactile_node.errors import InputError
+from tactile_node.output_file import output_file
+
+VERSION = 1  #: Version of the file.
+
+
+class CommissioningRecord:
+    """The results of the finished steps, by name of the step.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file. A file that exists is continued.
+
+    Raises
+    ------
+    InputError
+        Raised if the file exists and is no record of this version.
+    """
+
+    def __init__(self, path: str | Path):
+        self._path = Path(path)
+        self._steps: dict[str, dict[str, Any]] = {}
+        if self._path.exists():
+            try:
+                content = json.loads(self._path.read_text(encoding='utf-8'))
+                version, self._steps = content['version'], content['steps']
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                raise self._refusal('another file') from error
+            if version != VERSION or not isinstance(self._steps, dict):
+                raise self._refusal(f'version {version}')
+
+    def __contains__(self, step: str) -> bool:
+        return step in self._steps
+
+    def __getitem__(self, step: str) -> dict[str, Any]:
+        return self._steps[step]
+
+    def get(self, step: str) -> dict[str, Any]:
+        """Return the results of a step, or an empty dict if the step has not been finished."""
+        return self._steps.get(step, {})
+
+    @property
+    def steps(self) -> Mapping[str, dict[str, Any]]:
+        return self._steps
+
+    def save(self, step: str, results: Mapping[str, Any]) -> None:
+        """Add the results of a step, and write the file."""
+        self._steps[step] = json.loads(json.dumps(results, default=_plain))
+        with output_file(self._path) as stream:
+            stream.write(json.dumps({'version': VERSION, 'steps': self._steps}, indent=1).encode())
+
+    def _refusal(self, got: str) -> InputError:
+        return InputError(str(self._path), expected=f'a record of a commissioning, version {VERSION}', got=got,
+                          remedy='Name another file.')
+
+
+def grip_from(content: Mapping[str, Any]) -> BlockGrip:
+    """Return a grip from the JSON of its fields."""
+    left, right = map(print_from, content['prints'])
+    return BlockGrip(content['width'], Estimate(*content['onset']), np.array(content['slopes']), (left, right),
+                     Estimate(*content['stiffness']), tuple(content['efforts']), tuple(content['forces']),
+                     content['imbalance'])
+
+
+def hung_from(content: Mapping[str, Any]) -> HungWeight:
+    """Return a grip with a weight from the JSON of its fields."""
+    (before, also), (loaded, last) = (map(print_from, content[name]) for name in ('before', 'loaded'))
+    return HungWeight((before, also), (loaded, last), tuple(content['forces']))
+
+
+def print_from(content: tuple[list[float], float]) -> Print:
+    return Print(np.array(content[0]), content[1])
+
+
+def _plain(value: object) -> object:
+    """Return a number or a list for JSON."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    raise TypeError(f'{type(value).__name__} cannot be saved')

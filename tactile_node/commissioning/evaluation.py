@@ -1,0 +1,343 @@
+"""Turn the record of a commissioning into measured values and facts, each with a verdict.
+
+A value that was not measured is unknown. It is never replaced by a default.
+"""
+
+import math
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_node.commissioning.block_grip import BlockGrip
+from tactile_node.commissioning.commissioning_record import CommissioningRecord, grip_from, hung_from
+from tactile_node.commissioning.force import Close, EffortMap, map_effort, predict_overshoot
+from tactile_node.commissioning.lateral_shift import shift_of, shift_per_load
+from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, Measurement, Verdict
+from tactile_node.commissioning.movement import StopCount, StopTrial, StopWay, start_latency, stop_latency
+from tactile_node.commissioning.opening_law import OpeningLaw, chord_error, find_law, speed_at
+from tactile_node.commissioning.pad_alignment import PadAlignment, find_alignment
+from tactile_node.commissioning.pad_mounting import PadMounting
+from tactile_node.commissioning.plan import CommissioningPlan
+from tactile_node.commissioning.taxel_survey import TaxelFinding
+
+KEPT_SHARE = 0.7        #: Share of the force on foam that must remain after a stop.
+HELD_SHARE = 0.8        #: Share of the force that must remain without commands.
+MOST_NOISE = 0.01       #: Largest noise of a taxel [N].
+MOST_DRIFT = 0.01       #: Largest drift of a taxel in five minutes [N].
+MOST_LOST = 0.05        #: Largest share of lost frames.
+MOST_LATENCY = 0.5      #: Largest time from a stop to standstill [s].
+MOST_CHORD_ERROR = 2e-4  #: Largest error of a linear law that stands for a knuckle [m].
+LEAST_FORCE_ERROR = 0.005  #: Relative error of the force that both pads may share.
+DRIFT_TIME = 300.0      #: Time over which the drift is given [s].
+NOT_DONE = 'the step was not finished'
+
+
+class Fact(NamedTuple):
+    """A finding without a number."""
+
+    name: str
+    value: str  #: 'unknown' if it was not found out
+    verdict: Verdict
+    reason: str
+
+
+class Evaluation:
+    """Everything that the record of a commissioning shows.
+
+    Parameters
+    ----------
+    record : CommissioningRecord
+        Results of the steps.
+    plan : CommissioningPlan
+        What the person stated about the gripper.
+    """
+
+    def __init__(self, record: CommissioningRecord, plan: CommissioningPlan):
+        self._record, self._plan = record, plan
+
+    # ---- pads ----
+
+    @property
+    def is_swapped(self) -> bool | None:
+        """True if the driver's first pad is the right one; None if unknown."""
+        order = self._record.get('pads').get('order')
+        return None if order is None else order == [1, 0]
+
+    @property
+    def mountings(self) -> list[PadMounting]:
+        """How the left and the right pad are mounted; empty if unknown."""
+        return [PadMounting(*each) for each in self._record.get('pads').get('mountings', [])]
+
+    @property
+    def taxels(self) -> list[np.ndarray]:
+        """TaxelFinding of each taxel of the left and the right pad; empty if unknown."""
+        return [np.array(each) for each in self._record.get('pads').get('taxels', [])]
+
+    # ---- gripper ----
+
+    @cached_property
+    def grips(self) -> list[BlockGrip]:
+        return [grip_from(content) for name, content in self._record.steps.items() if name.startswith('block ')]
+
+    @cached_property
+    def law(self) -> OpeningLaw | None:
+        return find_law([grip.onset for grip in self.grips], [grip.width for grip in self.grips],
+                        is_angle=self._plan.unit == 'rad')
+
+    def stop_count(self, way: StopWay) -> StopCount:
+        trials = self._trials(way)
+        return StopCount(way, len(trials), sum(trial.is_stopped for trial in trials))
+
+    @property
+    def stop_by(self) -> StopWay | None:
+        """The way to stop for touch_gripper: it never failed, and does not let go. None if there is none."""
+        return next((way for way in (StopWay.CANCEL, StopWay.GOAL) if self.stop_count(way).is_reliable
+                     and self.kept(way).value >= KEPT_SHARE), None)
+
+    def kept(self, way: StopWay) -> Estimate:
+        """Return the share of the force on foam that remains after a stop."""
+        return Estimate(*self._record.get('foam').get('kept', {}).get(way.value, NOT_MEASURED))
+
+    @property
+    def held(self) -> Estimate:
+        """Share of the force on foam that remains without commands."""
+        return Estimate(*self._record.get('foam').get('held', NOT_MEASURED))
+
+    @property
+    def start_latency(self) -> float:
+        """Upper bound of the time from a command to the movement [s]."""
+        trials = [trial for way in StopWay for trial in self._trials(way)]
+        return start_latency(trials, self._period)
+
+    def stop_latency(self, way: StopWay) -> float:
+        """Return the upper bound of the time from a stop to standstill [s]."""
+        if not self._trials(way):
+            return math.nan
+        return stop_latency(self._trials(way), self._period, self._record['first movement']['noise'],
+                            self._speed.value)
+
+    @property
+    def latency(self) -> float:
+        """Upper bound of the time from a force on a pad to standstill, for the way to stop [s]."""
+        if self.stop_by is None or 'rest' not in self._record:
+            return math.nan
+        return float(self._record['rest']['age']) + self.stop_latency(self.stop_by)
+
+    @property
+    def speed(self) -> Estimate:
+        """Speed of the pads in a free movement [m/s]."""
+        return speed_at(self.law, self.law.middle, self._speed) if self.law else NOT_MEASURED
+
+    @property
+    def step(self) -> Estimate:
+        """Smallest change of the opening [m]."""
+        if not self.law or 'step' not in self._record:
+            return NOT_MEASURED
+        return speed_at(self.law, self._record['step']['at'], Estimate(*self._record['step']['step']))
+
+    def stiffness_at(self, grip: BlockGrip) -> Estimate:
+        """Return the force per change of the opening in a grip [N/m]."""
+        if not self.law:
+            return NOT_MEASURED
+        stiffness = grip.stiffness.scaled(1 / abs(self.law.slope(grip.onset.value).value))
+        return stiffness.with_error(stiffness.value * self.force_error)
+
+    @property
+    def stiffness(self) -> Estimate:
+        """Stiffness of the pads with the block of the longest face, which is the stiffest [N/m]."""
+        longest = max(self._plan.blocks, key=lambda block: block.length)
+        return next((self.stiffness_at(grip) for grip in self.grips if grip.width == longest.width), NOT_MEASURED)
+
+    @property
+    def force_error(self) -> float:
+        """Relative deviation of the mean force of both pads, from the largest difference between the two pads.
+
+        The forces on both pads of a free block are equal, so a difference shows how well the pads are calibrated.
+        """
+        return max((abs(grip.imbalance) for grip in self.grips), default=0.0) + LEAST_FORCE_ERROR
+
+    @property
+    def effort_map(self) -> EffortMap:
+        """Map from effort to force, on foam and blocks."""
+        foam = self._record.get('foam')
+        efforts = [*foam.get('efforts', []), *(each for grip in self.grips for each in grip.efforts)]
+        forces = [*foam.get('forces', []), *(each for grip in self.grips for each in grip.forces)]
+        slope, offset = map_effort(efforts, forces)
+        return EffortMap(slope.with_error(slope.value * self.force_error), offset)
+
+    @cached_property
+    def alignment(self) -> PadAlignment | None:
+        """How the pads lie to each other; None if unknown."""
+        if not self.law or len(self.grips) < 2:
+            return None
+        return find_alignment(self.grips, [self.law.slope(grip.onset.value).value for grip in self.grips])
+
+    @property
+    def shift_per_load(self) -> tuple[Estimate, str]:
+        """Shift of a contact per load, and the reason if it is not known [m]."""
+        x, y = self._plan.down
+        hung = [hung_from(each) for each in self._record.get('weight').get('grips', [])]
+        return shift_per_load([shift_of(each, self._plan.weight, ((x, y), (-x, y))) for each in hung])
+
+    @property
+    def closes(self) -> list[Close]:
+        return [Close(*each) for each in self._record.get('proof').get('closes', [])]
+
+    def fits_closing(self) -> Fact:
+        """Return whether the gripper is fit for closing by touch, with the numbers."""
+        name, limit = 'fit for closing by touch', self._plan.force_limit
+        counts = ', '.join(f'{way.value} {count.stopped} of {count.trials}' for way in (StopWay.CANCEL, StopWay.GOAL)
+                           for count in [self.stop_count(way)])
+        if not self._trials(StopWay.CANCEL) or not self.kept(StopWay.CANCEL).is_known:
+            return Fact(name, 'unknown', Verdict.UNKNOWN, NOT_DONE)
+        if self.stop_by is None:
+            return Fact(name, 'no', Verdict.FAIL, f'no way to stop is reliable and keeps the force: {counts}')
+        step, stiffness = self.step, self.stiffness
+        if not (step.is_known and stiffness.is_known):
+            return Fact(name, 'unknown', Verdict.UNKNOWN, 'step or stiffness is not known')
+        force = step.value * stiffness.value
+        spread = 2 * math.hypot(step.deviation * stiffness.value, step.value * stiffness.deviation)
+        numbers = f'step {1e3 * step.value:.3f} mm x stiffness {stiffness.value / 1e3:.2f} N/mm = {force:.2f} N'
+        if force > limit + spread:
+            return Fact(name, 'no', Verdict.FAIL, f'{numbers}, more than the force limit of {limit:g} N')
+        if force > limit - spread:
+            return Fact(name, 'unknown', Verdict.UNKNOWN, f'{numbers}, too close to the force limit of {limit:g} N')
+        return Fact(name, 'yes', Verdict.PASS, f'{numbers}; stops: {counts}')
+
+    # ---- the lines of the report ----
+
+    @property
+    def facts(self) -> list[Fact]:
+        lines = []
+        swapped = self.is_swapped
+        lines.append(Fact('left pad', 'unknown', Verdict.UNKNOWN, NOT_DONE) if swapped is None else
+                     Fact('left pad', f'pad {int(swapped) + 1} of the driver', Verdict.PASS, ''))
+        for number, name in enumerate(('left', 'right')):
+            if not self.mountings:
+                lines.append(Fact(f'{name} pad, mounting', 'unknown', Verdict.UNKNOWN, NOT_DONE))
+                continue
+            mounting = self.mountings[number]
+            reason = 'reverse the columns in the layout of this pad' if mounting.is_mirrored else ''
+            lines.append(Fact(f'{name} pad, mounting', str(mounting), Verdict.FAIL if mounting.is_mirrored
+                              else Verdict.PASS, reason))
+            findings = self.taxels[number]
+            faulty = [tuple(map(int, place)) for place in np.argwhere(findings == TaxelFinding.FAULTY)]
+            unknown = int(np.count_nonzero(findings == TaxelFinding.UNKNOWN))
+            lines.append(Fact(f'{name} pad, faulty taxels', str(faulty or 'none'), Verdict.PASS,
+                              f'{unknown} taxels are unknown, because nothing pressed them'))
+        for way in StopWay:
+            count = self.stop_count(way)
+            if not count.trials:
+                lines.append(Fact(f'stop by {way.value}', 'unknown', Verdict.UNKNOWN, NOT_DONE))
+                continue
+            kept = self.kept(way)
+            text = f'; keeps {100 * kept.value:.0f} % of the force on foam' if kept.is_known else ''
+            sure = f'; at least {100 * count.least_share:.0f} % with 95 % confidence' if count.is_reliable else ''
+            fits = count.is_reliable and not (kept.is_known and kept.value < KEPT_SHARE)
+            lines.append(Fact(f'stop by {way.value}', f'{count.stopped} of {count.trials} stopped',
+                              Verdict.PASS if fits else Verdict.FAIL, f'all must stop{sure}{text}'))
+        return [*lines, self.fits_closing()]
+
+    @property
+    def measurements(self) -> list[Measurement]:
+        rest = self._record.get('rest').get('pads', [])
+        lines = []
+        for number, pad in enumerate(rest):
+            noise, drift = Estimate(*pad['noise']), Estimate(*pad['drift']).scaled(DRIFT_TIME)
+            name = f'pad {number + 1} of the driver'
+            lines.append(_limited(f'{name}, noise', noise, 'N', MOST_NOISE))
+            lines.append(_limited(f'{name}, drift in {DRIFT_TIME:g} s', drift, 'N', MOST_DRIFT))
+            lines.append(_plain(f'{name}, frame rate', Estimate(pad['rate'], 0.0), 'Hz'))
+            lines.append(_limited(f'{name}, lost frames', Estimate(pad['lost'], 0.0), '1', MOST_LOST))
+        law = self.law
+        lines += [_plain('opening in the middle of the blocks', law.opening(law.middle) if law else NOT_MEASURED, 'm'),
+                  _plain('change of the opening per unit of the joint',
+                         law.slope(law.middle) if law else NOT_MEASURED, 'm'),
+                  _plain('speed', self.speed, 'm/s'), _plain('step', self.step, 'm'),
+                  _plain('stiffness with a hard block', self.stiffness, 'N/m'),
+                  _plain('force per effort', self.effort_map.slope, 'N')]
+        bound = self.start_latency
+        lines.append(_bound('time from a command to the movement', bound))
+        lines += [_bound(f'time from a stop by {way.value} to standstill', self.stop_latency(way))
+                  for way in (StopWay.CANCEL, StopWay.GOAL)]
+        names = 'right pad, offset along x', 'right pad, offset along y', 'right pad, turn', 'tilt along x', \
+            'tilt along y'
+        for name, each, unit in zip(names, self.alignment or [NOT_MEASURED] * 5, ('m', 'm', 'rad', 'rad', 'rad')):
+            lines.append(_plain(name, each, unit))
+        held = self.held
+        lines.append(Measurement('share of the force without commands', held, '1', Verdict.UNKNOWN if not held.is_known
+                                 else Verdict.PASS if held.value >= HELD_SHARE else Verdict.FAIL,
+                                 f'at least {HELD_SHARE:g}' if held.is_known else NOT_DONE))
+        shift, reason = self.shift_per_load
+        lines.append(_plain('shift per load', shift, 'm')._replace(reason=reason))
+        if self.closes:
+            over = max(close.overshoot for close in self.closes)
+            predicted = float(self._record['proof']['predicted'])
+            lines.append(Measurement('largest overshoot of the closes', Estimate(over, 0.0), 'N', Verdict.PASS
+                                     if over <= predicted else Verdict.FAIL, f'predicted at most {predicted:.2f} N'))
+        return lines
+
+    def allowed_speed(self, force: float) -> float:
+        """Return the speed at which the predicted overshoot is ``force`` [m/s].
+
+        The speed is NaN if it is not known, and 0 if the rounding of a stop alone may exceed ``force``.
+        """
+        if math.isnan(self.latency) or not self.stiffness.is_known:
+            return math.nan
+        rounding = self.rounding
+        if math.isnan(rounding) or predict_overshoot(0.0, 0.0, self.stiffness.upper, rounding) > force:
+            return math.nan if math.isnan(rounding) else 0.0
+        return force / (self.stiffness.upper * self.latency)
+
+    @property
+    def rounding(self) -> float:
+        """Distance by which a stop may round its goal [m]; 0 for a stop by cancel, NaN if unknown."""
+        return 0.0 if self.stop_by is StopWay.CANCEL else self.step.value / 2
+
+    @property
+    def launched_law(self) -> tuple[float, float, str]:
+        """Offset and scale of a linear law for the launch file, or NaN with the reason."""
+        if not self.law:
+            return math.nan, math.nan, 'the opening law is not known'
+        chord, error = chord_error(self.law)
+        if error > MOST_CHORD_ERROR:
+            return math.nan, math.nan, (f'a linear law is wrong by {1e3 * error:.2f} mm between the blocks; '
+                                        'use gap_source tf')
+        return chord.offset, chord.scale, ''
+
+    # ---- helpers ----
+
+    def _trials(self, way: StopWay) -> list[StopTrial]:
+        return [StopTrial(*each) for each in self._record.get('stops').get('trials', {}).get(way.value, [])]
+
+    @property
+    def _period(self) -> float:
+        return float(self._record.get('stops').get('period', math.nan))
+
+    @property
+    def _speed(self) -> Estimate:
+        return Estimate(*self._record.get('stops').get('speed', NOT_MEASURED))
+
+
+def _plain(name: str, estimate: Estimate, unit: str) -> Measurement:
+    """Return a line without a limit."""
+    if not estimate.is_known:
+        return Measurement(name, NOT_MEASURED, unit, Verdict.UNKNOWN, NOT_DONE)
+    return Measurement(name, estimate, unit, Verdict.PASS, '')
+
+
+def _limited(name: str, estimate: Estimate, unit: str, limit: float) -> Measurement:
+    """Return a line whose magnitude has an upper limit."""
+    if not estimate.is_known:
+        return Measurement(name, NOT_MEASURED, unit, Verdict.UNKNOWN, NOT_DONE)
+    verdict = Verdict.PASS if abs(estimate.value) <= limit else Verdict.FAIL
+    return Measurement(name, estimate, unit, verdict, f'at most {limit:g} {unit}')
+
+
+def _bound(name: str, bound: float) -> Measurement:
+    """Return the line of an upper bound [s]."""
+    if not math.isfinite(bound):
+        return Measurement(name, NOT_MEASURED, 's', Verdict.UNKNOWN, NOT_DONE)
+    return Measurement(name, Estimate(bound, 0.0), 's', Verdict.PASS if bound <= MOST_LATENCY else Verdict.FAIL,
+                       f'upper bound; at most {MOST_LATENCY:g} s')

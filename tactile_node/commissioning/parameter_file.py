@@ -1,0 +1,142 @@
+"""Write the parameters that a commissioning has measured, as a file that the launch file reads (params_file:=...).
+
+A parameter that was not measured is absent, so that its absence is visible in the report.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+
+from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.pad_alignment import PadAlignment
+from tactile_node.commissioning.pad_mounting import PadMounting, taxel_places
+from tactile_node.commissioning.plan import CommissioningPlan
+from tactile_node.commissioning.recording import PadGrid
+from tactile_node.output_file import output_file
+
+#: Frame of the poses of the pads. A transform from the palm to this frame has to come from the robot.
+FRAME = 'left_pad_centre'
+#: Share of the allowed speed that is written, so that rounding does not exceed the allowed overshoot.
+SPEED_SHARE = 0.99
+HEAD = '''# Parameters that `tactile_node.commissioning` has measured. Pass this file with params_file:=.
+# A parameter that is missing here was not measured; the report gives the reason.
+# The poses are relative only: {frame} lies in the middle of the left skin, with z towards the right pad.
+'''
+
+
+class MeasuredParameters(NamedTuple):
+    """Parameters of each node, and the reason for each parameter that is missing."""
+
+    nodes: dict[str, dict[str, Any]]
+    absent: dict[str, str]
+
+
+def measured_parameters(found: Evaluation, plan: CommissioningPlan) -> MeasuredParameters:
+    """Return the parameters that were measured."""
+    nodes: dict[str, dict[str, Any]] = {'grasp': {}, 'touch_gripper': {}, 'classifier': {}}
+    absent: dict[str, str] = {}
+    _add_opening(nodes, absent, found, plan)
+    _add_pads(nodes, absent, found, plan)
+    _add_closing(nodes, absent, found, plan)
+    shift, reason = found.shift_per_load
+    if shift.is_known:
+        nodes['classifier']['shift_per_load'] = _rounded(abs(shift.value) + 2 * shift.deviation)
+    else:
+        absent['shift_per_load'] = reason
+    return MeasuredParameters({node: values for node, values in nodes.items() if values}, absent)
+
+
+def write_parameters(path: str, parameters: MeasuredParameters) -> None:
+    """Write the parameters as YAML."""
+    content = {f'/**/{node}': {'ros__parameters': values} for node, values in parameters.nodes.items()}
+    with output_file(path) as stream:
+        stream.write((HEAD.format(frame=FRAME) + yaml.safe_dump(content, sort_keys=False,
+                                                                default_flow_style=None)).encode())
+
+
+def _add_opening(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found: Evaluation,
+                 plan: CommissioningPlan) -> None:
+    offset, scale, reason = found.launched_law
+    if reason:
+        absent['gap_offset, gap_scale'] = reason
+        return
+    law = {'gap_scale': _rounded(scale), 'gap_offset': _rounded(offset)}
+    nodes['grasp'] |= {'gap_source': 'joint_states', 'gap_joints': [plan.joint], **law}
+    nodes['touch_gripper'] |= {'joint': plan.joint, **law}
+
+
+def _add_pads(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found: Evaluation,
+              plan: CommissioningPlan) -> None:
+    if found.is_swapped is None:
+        absent['left_pad, right_pad'] = 'the pads were not pressed'
+    elif found.is_swapped:
+        absent['left_pad, right_pad'] = 'the pads are swapped: exchange their names in the driver'
+    if any(mounting.is_mirrored for mounting in found.mountings):
+        absent['left_xyz, left_rpy, right_xyz, right_rpy'] = 'a pad is mirrored: reverse the columns in its layout'
+    elif found.alignment is None or not found.mountings or not all(each.is_known for each in found.alignment):
+        absent['left_xyz, left_rpy, right_xyz, right_rpy'] = 'the pads were not compared with a free block'
+    else:
+        nodes['grasp'] |= {'frame_id': FRAME} | pad_poses(plan.grid, found.mountings, found.alignment)
+
+
+def _add_closing(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found: Evaluation,
+                 plan: CommissioningPlan) -> None:
+    closing = nodes['touch_gripper']
+    if found.stop_by is None:
+        absent['stop_by'] = 'no way to stop is reliable and keeps the force, or the stops were not tried'
+    else:
+        closing['stop_by'] = found.stop_by.value
+    speed = SPEED_SHARE * found.allowed_speed(plan.overshoot)
+    for name, value in (('latency', found.latency), ('stiffness', found.stiffness.upper),
+                        ('gripper_step', found.step.value), ('slow_speed', speed), ('fast_speed', speed)):
+        if math.isfinite(value) and value > 0:
+            closing[name] = _rounded(value)
+        else:
+            absent[name] = 'not measured' if name not in ('slow_speed', 'fast_speed') else \
+                'no speed keeps the predicted overshoot, or it is not known'
+    if 'fast_speed' in closing:
+        closing['touch_force'] = plan.overshoot
+    if found.effort_map.is_known:
+        effort = min(found.effort_map.effort(plan.force_limit), plan.most_effort)
+        closing |= {'gripper_effort': _rounded(effort), 'highest_force': plan.force_limit}
+    else:
+        absent['gripper_effort'] = 'the map from effort to force is not known'
+
+
+def pad_poses(grid: PadGrid, mountings: list[PadMounting], alignment: PadAlignment) -> dict[str, list[float]]:
+    """Return xyz and rpy of taxel (0, 0) of both pads in FRAME."""
+    x, y, turn, tilt_x, tilt_y = (each.value for each in alignment)
+    facing = _about_y(-tilt_x) @ _about_x(tilt_y) @ _about_z(turn) @ np.diag((-1.0, 1.0, -1.0))
+    poses: dict[str, list[float]] = {}
+    for name, mounting, frame, centre in (('left', mountings[0], np.eye(3), np.zeros(3)),
+                                          ('right', mountings[1], facing, np.array((x, y, 0.0)))):
+        corner = taxel_places(grid, mounting)[0, 0]
+        rotation = frame @ _about_z(np.pi / 2 * mounting.quarter_turns)
+        poses[f'{name}_xyz'] = [_rounded(each) for each in centre + frame[:, :2] @ corner]
+        poses[f'{name}_rpy'] = [_rounded(each) for each in _rpy(rotation)]
+    return poses
+
+
+def _about_x(angle: float) -> np.ndarray:
+    return np.array(((1, 0, 0), (0, np.cos(angle), -np.sin(angle)), (0, np.sin(angle), np.cos(angle))))
+
+
+def _about_y(angle: float) -> np.ndarray:
+    return np.array(((np.cos(angle), 0, np.sin(angle)), (0, 1, 0), (-np.sin(angle), 0, np.cos(angle))))
+
+
+def _about_z(angle: float) -> np.ndarray:
+    return np.array(((np.cos(angle), -np.sin(angle), 0), (np.sin(angle), np.cos(angle), 0), (0, 0, 1)))
+
+
+def _rpy(rotation: np.ndarray) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw about fixed axes [rad]."""
+    return (float(np.arctan2(rotation[2, 1], rotation[2, 2])), float(-np.arcsin(np.clip(rotation[2, 0], -1, 1))),
+            float(np.arctan2(rotation[1, 0], rotation[0, 0])))
+
+
+def _rounded(value: float) -> float:
+    """Return a value with seven significant digits, which is far below every spread."""
+    return float(f'{value:.7g}')

@@ -1,0 +1,554 @@
+"""Lead a person through the commissioning of a gripper with two pads, step by step.
+
+Each step asks the person for something, moves the gripper with the person's consent, and stores its results. A mistake
+stops the gripper, is explained, and repeats only the part in which the mistake was made. The procedure reads no clock
+and knows no ROS: it talks to a `CommissionedGripper` and a `Person`.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from tactile_node.commissioning.block_grip import BlockGrip, Stall, measure_grip, print_of, repair, stiffness_of
+from tactile_node.commissioning.commissioned_gripper import Act, CommissionedGripper, Person, Question
+from tactile_node.commissioning.commissioning_record import CommissioningRecord
+from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.force import Close, map_effort, predict_overshoot, remaining_share
+from tactile_node.commissioning.guarded_gripper import REACT, TOUCHED, GuardedGripper, Move
+from tactile_node.commissioning.lateral_shift import MOST_DIFFERENT, HungWeight, shift_of
+from tactile_node.commissioning.measurement import Estimate
+from tactile_node.commissioning.mistake import Mistake, RefusedStepError
+from tactile_node.commissioning.movement import (
+    StopTrial,
+    StopWay,
+    measure_speed,
+    measure_step,
+    measure_stop,
+)
+from tactile_node.commissioning.pad_mounting import (
+    PLACES,
+    PadMounting,
+    Press,
+    check_two_pads,
+    find_mounting,
+    find_press,
+    taxel_places,
+)
+from tactile_node.commissioning.pad_rest import measure_rest
+from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
+from tactile_node.commissioning.recording import JointStates, Recording
+from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
+
+Result = TypeVar('Result')
+PADS = 'left', 'right'
+REPEATS = 3             #: Number of attempts of each part of a step.
+PRESS_TIME = 4.0        #: Duration of the recording of a press [s].
+STROKE_TIME = 15.0      #: Duration of the recording in which the person presses everywhere [s].
+FIRST_SHARE = 0.02      #: First movement, as a share of the travel.
+FIRST_EFFORT = 0.01     #: First effort, as a share of the largest one.
+EFFORT_FACTOR = 1.4     #: Factor between two efforts while the effort rises.
+MOVING_FACTOR = 1.5     #: Effort of free movements, as a multiple of the smallest one that moves the gripper.
+FREE_TIME = 4.0         #: Time in which a free movement covers the whole travel [s].
+FREE_SHARE = 0.5        #: Share of the travel that free movements use, from the open end.
+PROBE_SHARES = (0.08, 0.16)  #: Forces of the first two stalls on a block, as shares of the force limit.
+STALLS = 7              #: Number of further stalls on a block.
+DEPTH = 0.002           #: Depth to which these stalls press further into the skins, unless the force limits it [m].
+STALL_TIME = 0.5        #: Duration of the recording of a stall [s].
+FOAM_SHARE = 0.5        #: Force on the foam, as a share of the force limit.
+FOAM_STALLS = 4         #: Smallest number of stalls on the foam.
+FOAM_FACTOR = 1.2       #: Factor between two efforts on the foam.
+STOPPED_TIME = 1.2      #: Duration of the recording after a stop [s].
+PHASES = 0.05           #: Range of the time before a command, so that the phase of the samples varies [s].
+STEP_INCREMENT = 2.5e-5  #: Increment of the commands that find the step of the gripper [m].
+STEP_RANGE = 6          #: Number of steps of the gripper over which the commands rise at most.
+STEP_COMMANDS = 260     #: Largest number of these commands.
+SETTLE = 0.2            #: Time between a command in small increments and its recording, in addition to the latency [s].
+BACK = 0.002            #: Opening beyond the object before a close [m].
+PROOF_FACTOR = 2.0      #: Force at which the gripper would stall, as a multiple of the force that stops a close.
+SLOWEST = 2e-4          #: Slowest closing speed [m/s].
+READING_NOISES = 3.0    #: Largest of some hundred readings, in deviations above their mean.
+CLOSE_LIMIT = 90.0      #: Time allowed for a close [s].
+SETTLED_FRAMES = 10     #: Number of frames from which the force after a close is averaged.
+LOOSE_SHARE = 0.3       #: Share of the force below which the object was pulled out.
+AGE_TIME = 5.0          #: Time over which the age of the frames is observed [s].
+
+
+class CommissioningProcedure:
+    """The steps of a commissioning.
+
+    Parameters
+    ----------
+    gripper, person
+        The gripper with its pads, and the person beside it.
+    plan : CommissioningPlan
+        What the person states about the gripper.
+    record : CommissioningRecord
+        Results of the steps. Finished steps are not repeated.
+    """
+
+    def __init__(self, gripper: CommissionedGripper, person: Person, plan: CommissioningPlan,
+                 record: CommissioningRecord):
+        self._gripper = GuardedGripper(gripper, person, plan)
+        self._others = gripper.others
+        self._person, self._plan, self._record = person, plan, record
+        self.refused: list[tuple[str, RefusedStepError]] = []  #: parts that were refused, with the reason
+        self._gripper.noise = record.get('first movement').get('noise', self._gripper.noise)
+        self._order: tuple[int, ...] = ()  # numbers of the left and the right pad
+        self._places: tuple[np.ndarray, np.ndarray]
+        self._recall_pads()
+
+    @property
+    def steps(self) -> dict[str, Callable[[], dict[str, Any]]]:
+        """The steps by name, in their order."""
+        return {'rest': self._rest, 'pads': self._pads, 'first movement': self._first_movement,
+                'stops': self._stops, 'foam': self._foam,
+                **{f'block {1e3 * block.width:g} mm': self._block_step(block) for block in self._plan.blocks},
+                'step': self._step, 'weight': self._weight, 'proof': self._proof}
+
+    def run(self) -> None:
+        """Carry out all steps that are not finished.
+
+        Raises
+        ------
+        RefusedStepError
+            Raised if a part of a step was refused REPEATS times. The results of the finished steps are kept.
+        """
+        if who := self._others():
+            raise RefusedStepError('gripper', Mistake.OTHER_CLIENT, expected='no other client of the gripper', got=who,
+                                   remedy='Stop touch_gripper and all other clients first.')
+        if self._ask(Act.CONFIRM_STOP, 'The gripper will move. Is the emergency stop in your reach?',
+                     ('yes', 'no')) != 'yes':
+            raise RefusedStepError('gripper', Mistake.NO_CONSENT, expected='an emergency stop in reach', got='no',
+                                   remedy='Put the emergency stop within your reach.')
+        try:
+            for name, step in self.steps.items():
+                if name not in self._record:
+                    self._record.save(name, step())
+        except BaseException:  # Ctrl-C stops the gripper as well
+            self._gripper.stop()
+            raise
+
+    @property
+    def _found(self) -> Evaluation:
+        """What the finished steps show."""
+        return Evaluation(self._record, self._plan)
+
+    def _attempt(self, part: Callable[..., Result], *given: Any) -> Result:
+        """Carry out a part of a step with the arguments ``given``, again after each mistake."""
+        for attempt in range(REPEATS):
+            try:
+                return part(*given)
+            except RefusedStepError as error:
+                self._gripper.stop()
+                self.refused.append((error.where, error))
+                if attempt == REPEATS - 1 or error.mistake is Mistake.NO_CONSENT:
+                    raise
+                self._ask(Act.REPEAT, str(error))
+        raise AssertionError('a part is either carried out or refused')
+
+    def _ask(self, act: Act, text: str, choices: tuple[str, ...] = ('done',), *, pad: str = '', place: str = '',
+             width: float = 0.0) -> str:
+        return self._person.ask(Question(act, text, choices, pad, place, width))
+
+    # ---- the pads ----
+
+    def _rest(self) -> dict[str, Any]:
+        self._ask(Act.LEAVE, f'Do not touch the pads for {self._plan.rest_time:g} s.')
+        recording = self._attempt(self._record_pads, self._plan.rest_time, 'rest')
+        age = self._gripper.age_of_frames(AGE_TIME)
+        found = [measure_rest(pad) for pad in recording.pads]
+        if None in found:
+            raise RefusedStepError('rest', Mistake.PADS_SILENT, expected='frames of both pads', got='too few',
+                                   remedy='Check the driver of the skin.')
+        self._gripper.zero = np.array([each.zero for each in found if each])
+        return {'pads': [each._asdict() for each in found if each], 'age': age}
+
+    def _pads(self) -> dict[str, Any]:
+        (left, first), (right, second) = self._attempt(self._press_both)
+        strokes = [self._stroke(pad) for pad in PADS]
+        findings = {pad: survey([each.pads[pad].forces for each in strokes]) for pad in (0, 1)}
+        results = {'order': [left, right], 'mountings': [first, second],
+                   'taxels': [findings[pad] for pad in (left, right)]}
+        self._record.save('pads', results)
+        self._recall_pads()
+        return results
+
+    def _press_both(self) -> tuple[tuple[int, PadMounting], tuple[int, PadMounting]]:
+        left, right = (self._attempt(self._press_pad, pad) for pad in PADS)
+        check_two_pads(left[0], right[0])
+        return left, right
+
+    def _press_pad(self, pad: str) -> tuple[int, PadMounting]:
+        presses = [self._attempt(self._press, pad, place) for place in PLACES]
+        return find_mounting(presses, f'presses on the {pad} pad')
+
+    def _press(self, pad: str, place: str) -> Press:
+        self._ask(Act.PRESS, f'Hold the {pad} pad with the fingertip up, look at its skin, and press the {place} for '
+                  f'2 s.', pad=pad, place=place)
+        recording = self._gripper.watch(PRESS_TIME, f'press on the {pad} pad', may_touch=True)
+        return find_press(recording.pads, f'press on the {pad} pad, {place}')
+
+    def _stroke(self, pad: str) -> Recording:
+        self._ask(Act.STROKE, f'Press everywhere on the {pad} pad for {STROKE_TIME:g} s.', pad=pad)
+        return self._attempt(self._record_pads, STROKE_TIME, f'{pad} pad')
+
+    def _record_pads(self, seconds: float, where: str) -> Recording:
+        return self._gripper.watch(seconds, where, may_touch=True)
+
+    def _recall_pads(self) -> None:
+        """Take the zero, the faulty taxels and the mountings from the record."""
+        if pads := self._record.get('pads'):
+            self._order = tuple(pads['order'])
+            mountings = [PadMounting(*each) for each in pads['mountings']]
+            left, right = (taxel_places(self._plan.grid, each) for each in mountings)
+            self._places = left, right
+            taxels = np.array(pads['taxels']) == TaxelFinding.FAULTY
+            for number, pad in enumerate(self._order):
+                self._gripper.is_faulty[pad] = taxels[number]
+        if rest := self._record.get('rest'):
+            self._gripper.zero = np.array([each['zero'] for each in rest['pads']])
+
+    def _images(self, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+        """Return the mean force on each taxel of the left and of the right pad [N]."""
+        left, right = (repair(recording.pads[pad].mean, self._gripper.is_faulty[pad]) for pad in self._order)
+        return left, right
+
+    def _force_of(self, recording: Recording) -> list[np.ndarray]:
+        """Return the force on the left and on the right pad in each of their frames [N]."""
+        return [np.nansum(recording.pads[pad].forces, axis=(1, 2)) for pad in self._order]
+
+    # ---- free movements ----
+
+    def _first_movement(self) -> dict[str, Any]:
+        self._clear('first movement')
+        noise = self._gripper.measure_noise('first movement')
+        way = FIRST_SHARE * self._plan.travel
+        start = self._gripper.reading
+        target = start + way if start < (self._plan.low + self._plan.high) / 2 else start - way
+        first = Move(target, FIRST_EFFORT * self._plan.most_effort, self._plan.travel / FREE_TIME / 10)
+        self._gripper.consent('first movement, with rising effort', first, TOUCHED, 1)
+        effort = self._attempt(self._smallest_effort, first, start)
+        answer = self._ask(Act.DIRECTION, 'How have the fingers moved?', ('opened', 'closed', 'not moved'))
+        opens_rising = (answer == 'opened') == (target > start)
+        return {'noise': noise, 'effort': effort, 'opens_rising': opens_rising}
+
+    def _smallest_effort(self, first: Move, start: float) -> float:
+        """Return the smallest effort that moves the gripper."""
+        effort = first.effort
+        while effort <= self._plan.most_effort:
+            self._gripper.command(first._replace(effort=effort))
+            self._gripper.watch(1.0, 'first movement', may_touch=False)
+            if abs(self._gripper.reading - start) > FIRST_SHARE / 4 * self._plan.travel:
+                self._gripper.watch(2.0, 'first movement', may_touch=False)
+                return effort
+            effort *= EFFORT_FACTOR
+        raise self._gripper.stuck('first movement')
+
+    @property
+    def _open_end(self) -> float:
+        return self._plan.high if self._record['first movement']['opens_rising'] else self._plan.low
+
+    @property
+    def _closed_end(self) -> float:
+        return self._plan.low if self._record['first movement']['opens_rising'] else self._plan.high
+
+    @property
+    def _effort(self) -> float:
+        """Effort of free movements."""
+        return min(MOVING_FACTOR * self._record['first movement']['effort'], self._plan.most_effort)
+
+    @property
+    def _towards(self) -> float:
+        """Sign of the change of the reading when the gripper closes."""
+        return float(np.sign(self._closed_end - self._open_end))
+
+    def _free(self, position: float) -> Move:
+        return Move(position, self._effort, self._plan.travel / FREE_TIME)
+
+    def _stops(self) -> dict[str, Any]:
+        target = self._open_end + FREE_SHARE * (self._closed_end - self._open_end)
+        self._clear('stops')
+        self._gripper.consent('stops', self._free(target), TOUCHED, 6 * self._plan.stop_trials)
+        results: dict[str, Any] = {'trials': {}}
+        movements: list[JointStates] = []
+        for way in StopWay:
+            trials = []
+            for number in range(self._plan.stop_trials):
+                trial, movement = self._attempt(self._stop_trial, way, number, target)
+                trials.append(trial)
+                movements.append(movement)
+            results['trials'][way.value] = trials
+        results['speed'] = measure_speed(movements, self._gripper.noise)
+        results['period'] = float(np.median(np.diff(movements[0].times)))
+        return results
+
+    def _stop_trial(self, way: StopWay, number: int, target: float) -> tuple[StopTrial, JointStates]:
+        """Return the outcome of one stop, and the movement back to the open end."""
+        movement = self._gripper.move(self._free(self._open_end), 'stops').joint
+        phase = (number * 0.618) % 1  # the phase of the samples differs between trials
+        before = self._gripper.watch(0.2 + PHASES * phase, 'stops', may_touch=False)
+        commanded = self._gripper.now()
+        start = self._gripper.reading
+        self._gripper.command(self._free(target))
+        share = 0.2 + 0.2 * phase
+        moving = self._gripper.watch(3.0, 'stops', may_touch=False, tick=0.003, is_over=lambda part: abs(
+            self._gripper.reading - start) > share * abs(target - start))
+        if abs(self._gripper.reading - start) <= share * abs(target - start):
+            raise self._gripper.stuck('stops')
+        stopped = self._gripper.now()
+        if way is StopWay.CANCEL:
+            self._gripper.cancel()
+        else:
+            self._gripper.command(self._free(self._gripper.reading if way is StopWay.GOAL else self._open_end))
+        after = self._gripper.watch(STOPPED_TIME + FREE_TIME * FREE_SHARE, 'stops', may_touch=False)
+        joint = JointStates(*(np.concatenate(each) for each in zip(before.joint, moving.joint, after.joint)))
+        return measure_stop(joint, commanded, stopped, target, self._gripper.noise), movement
+
+    @property
+    def _settling(self) -> float:
+        """Time after which a small movement has ended [s]."""
+        return self._found.start_latency + SETTLE
+
+    def _step(self) -> dict[str, Any]:
+        """Command small increments, at rest after each, and find the levels at which the gripper stays."""
+        self._clear('step')
+        law = self._found.law
+        middle = law.middle if law else (self._plan.low + self._plan.high) / 2
+        increment = STEP_INCREMENT / abs(law.slope(middle).value) if law else 0.0003 * self._plan.travel
+        self._gripper.consent('small steps', self._free(middle), TOUCHED, STEP_COMMANDS)
+        self._attempt(self._gripper.move, self._free(middle), 'step')
+        commanded, reached = [], []
+        for number in range(STEP_COMMANDS):
+            commanded.append(middle + number * increment)
+            self._gripper.command(self._free(commanded[-1]))
+            self._gripper.watch(self._settling, 'step', may_touch=False)
+            reached.append(float(self._gripper.watch(0.15, 'step', may_touch=False).joint.positions.mean()))
+            if number > 20 and abs(reached[-1] - reached[0]) > STEP_RANGE * self._largest_jump(reached):
+                break
+        found = measure_step(np.array(commanded), np.array(reached), self._gripper.noise / 3)
+        return {'step': found, 'at': middle, 'increment': increment}
+
+    def _largest_jump(self, reached: list[float]) -> float:
+        return max(float(np.abs(np.diff(reached)).max()), 8 * self._gripper.noise)
+
+    # ---- forces ----
+
+    def _clear(self, where: str) -> None:
+        """Open the gripper, and measure the zero again after everything was taken out."""
+        if 'first movement' in self._record:  # a gripper that holds an object would snap shut
+            self._attempt(lambda: self._gripper.move(self._free(self._open_end), where, may_touch=True))
+        self._ask(Act.CLEAR, 'Take everything out of the gripper, and keep away from the pads.')
+        self._attempt(self._gripper.renew_zero, where)
+
+    def _insert(self, act: Act, text: str, width: float = 0.0) -> None:
+        where = act.value
+        self._clear(where)
+        self._ask(act, text, width=width)
+
+    def _stall(self, effort: float, where: str) -> tuple[Stall, Recording]:
+        """Close with an effort until the gripper stalls, and record it at rest."""
+        move = Move(self._closed_end, effort, self._plan.travel / FREE_TIME)
+        self._gripper.move(move, where, may_touch=True)
+        recording = self._gripper.watch(STALL_TIME, where, may_touch=True)
+        return Stall(effort, float(recording.joint.positions.mean()), self._images(recording)), recording
+
+    def _foam(self) -> dict[str, Any]:
+        goal = FOAM_SHARE * self._plan.force_limit
+        self._insert(Act.FOAM, 'Hold the foam between the pads until the gripper holds it.')
+        self._gripper.consent('foam, with rising effort', Move(self._closed_end, self._plan.most_effort,
+                                                               self._plan.travel / FREE_TIME), goal, 12)
+        stalls = self._attempt(self._squeeze, goal)
+        lets_go = {way.value: self._attempt(self._stop_under_load, way, stalls[-1])
+                   for way in (StopWay.CANCEL, StopWay.GOAL)}
+        held = self._attempt(self._hold, stalls[-1])
+        return {'efforts': [stall.effort for stall in stalls], 'forces': [stall.force for stall in stalls],
+                'stiffness': stiffness_of(stalls), 'kept': lets_go, 'held': held}
+
+    def _squeeze(self, goal: float) -> list[Stall]:
+        stalls: list[Stall] = []
+        effort = self._record['first movement']['effort']
+        while effort <= self._plan.most_effort:
+            stalls.append(self._stall(effort, 'foam')[0])
+            if abs(stalls[-1].reading - self._closed_end) < FIRST_SHARE * self._plan.travel:
+                raise RefusedStepError('foam', Mistake.BLOCK_MISSING, expected='foam that holds the gripper open',
+                                       got='a closed gripper', remedy='Hold stiffer or thicker foam between the pads.')
+            if stalls[-1].force >= goal and len(stalls) >= FOAM_STALLS:
+                return stalls
+            known = map_effort([stall.effort for stall in stalls], [stall.force for stall in stalls])
+            rise = known.effort(1.05 * goal) / effort if known.is_known else FOAM_FACTOR
+            effort *= min(max(rise, 1.05), FOAM_FACTOR)
+        if not stalls or stalls[-1].force < TOUCHED:
+            raise RefusedStepError('foam', Mistake.BLOCK_MISSING, expected='a force on both pads', got='none',
+                                   remedy='Hold the foam between the pads.')
+        return stalls
+
+    def _stop_under_load(self, way: StopWay, stall: Stall) -> Estimate:
+        """Return the share of the force that is left after a stop on the foam."""
+        self._stall(stall.effort, 'foam')
+        before = self._gripper.watch(STALL_TIME, 'foam', may_touch=True)
+        ended = self._gripper.now()
+        if way is StopWay.CANCEL:
+            self._gripper.cancel()
+        else:
+            self._gripper.command(Move(self._gripper.reading, stall.effort, self._plan.travel / FREE_TIME))
+        return self._share(before, self._gripper.watch(2.0, 'foam', may_touch=True), ended)
+
+    def _hold(self, stall: Stall) -> Estimate:
+        """Return the share of the force that is left without commands."""
+        self._stall(stall.effort, 'foam')
+        before = self._gripper.watch(STALL_TIME, 'foam', may_touch=True)
+        ended = self._gripper.now()
+        return self._share(before, self._gripper.watch(self._plan.hold_time, 'foam', may_touch=True), ended)
+
+    def _share(self, before: Recording, after: Recording, ended: float) -> Estimate:
+        pad = self._order[0]
+        times = np.concatenate((before.pads[pad].times, after.pads[pad].times))
+        forces = np.concatenate([np.nansum(each.pads[pad].forces, axis=(1, 2)) for each in (before, after)])
+        taxels = self._plan.grid.rows * self._plan.grid.cols
+        drift = abs(self._record['rest']['pads'][pad]['drift'][0]) * taxels * (times[-1] - times[0])
+        return remaining_share(times, forces, ended, drift)
+
+    # ---- blocks ----
+
+    def _effort_for(self, force: float) -> float:
+        """Return the effort that presses with a force on a pad, by the map from the foam."""
+        foam = self._record['foam']
+        known = map_effort(foam['efforts'], foam['forces'])
+        if not known.is_known:
+            raise RefusedStepError('foam', Mistake.BLOCK_MISSING, expected='a force that rises with the effort',
+                                   got='another one', remedy='Repeat the foam with another record.')
+        return min(max(known.effort(force), self._record['first movement']['effort']), self._plan.most_effort)
+
+    @property
+    def _middle_block(self) -> GaugeBlock:
+        return self._plan.blocks[len(self._plan.blocks) // 2]
+
+    @property
+    def _middle_grip(self) -> BlockGrip:
+        return self._found.grips[len(self._plan.blocks) // 2]
+
+    @property
+    def _rough_metres(self) -> float:
+        """Change of the opening per unit of the reading, assuming that the travel spans the widest block twice."""
+        widest = max(block.width for block in self._plan.blocks)
+        return -self._towards * 2 * widest / self._plan.travel
+
+    def _block_step(self, block: GaugeBlock) -> Callable[[], dict[str, Any]]:
+        return lambda: dict(self._attempt(self._grip, block)._asdict())
+
+    def _grip(self, block: GaugeBlock, act: Act = Act.BLOCK) -> BlockGrip:
+        where = f'block of {1e3 * block.width:g} mm'
+        self._insert(act, f'Hold the {where} freely between the pads until the gripper holds it.', block.width)
+        limit = self._plan.force_limit
+        move = Move(self._closed_end, self._effort_for(limit), self._plan.travel / FREE_TIME)
+        self._gripper.consent(where, move, limit, len(PROBE_SHARES) + STALLS)
+        stalls = [self._held_stall(self._effort_for(share * limit), where) for share in PROBE_SHARES]
+        first, second = stalls[-2:]
+        closed = max(abs(second.reading - first.reading), self._gripper.noise) * abs(self._rough_metres)
+        work = second.force + abs(second.force - first.force) / closed * DEPTH
+        for force in np.linspace(second.force, min(limit, work), STALLS + 1)[1:]:
+            stalls.append(self._held_stall(self._effort_for(float(force)), where))
+            if stalls[-1].force > limit:
+                break
+        return measure_grip(stalls, self._places, block.width, block.length, self._rough_metres)
+
+    def _held_stall(self, effort: float, where: str) -> Stall:
+        """Return a stall against the block, which must be there."""
+        stall, _ = self._stall(effort, where)
+        if stall.force < TOUCHED:
+            raise RefusedStepError(where, Mistake.BLOCK_MISSING, expected='a force on both pads', got='none',
+                                   remedy='Hold the block between the pads until the gripper holds it.')
+        return stall
+
+    def _weight(self) -> dict[str, Any]:
+        shifts = self._attempt(self._weigh)
+        return {'grips': [hung._asdict() for hung in shifts]}
+
+    def _weigh(self) -> list[HungWeight]:
+        found = [self._attempt(self._hang) for _ in range(self._plan.shift_grips)]
+        shifts = [self._shift(hung) for hung in found]
+        if len(shifts) > 1 and np.ptp(shifts) > MOST_DIFFERENT * abs(np.mean(shifts)):
+            raise RefusedStepError('weight', Mistake.BLOCK_SLID, expected='two grips that agree within '
+                                   f'{100 * MOST_DIFFERENT:.0f} %', got=', '.join(f'{1e3 * s:.2f} mm' for s in shifts),
+                                   remedy='Hang the weight without a jerk, below the middle of the object.')
+        return found
+
+    def _shift(self, hung: HungWeight) -> float:
+        x, y = self._plan.down
+        return shift_of(hung, self._plan.weight, ((x, y), (-x, y)))
+
+    def _hang(self) -> HungWeight:
+        self._insert(Act.OBJECT, 'Hold the block between the pads, in the orientation of use.',
+                     self._middle_block.width)
+        effort = self._effort_for(self._plan.weight)
+        self._gripper.consent('grip for the weight', Move(self._closed_end, effort, self._plan.travel / FREE_TIME),
+                              self._plan.force_limit, 1)
+        before = self._held_stall(effort, 'weight')
+        self._ask(Act.WEIGHT, f'Hang the weight of {self._plan.weight:g} N on the object.')
+        recording = self._gripper.watch(STALL_TIME, 'weight', may_touch=True)
+        loaded = Stall(before.effort, before.reading, self._images(recording))
+        first, second = ((print_of(each.images[0], self._places[0]), print_of(each.images[1], self._places[1]))
+                         for each in (before, loaded))
+        hung = HungWeight(first, second, loaded.forces)
+        self._shift(hung)  # refuses a weight that does not hang
+        return hung
+
+    # ---- proof ----
+
+    def _proof(self) -> dict[str, Any]:
+        """Close ten times until the pads read a force."""
+        found = self._found
+        law, way = found.law, found.stop_by
+        if law is None or way is None:
+            return {'closes': [], 'reason': 'the opening is not known' if law is None else 'no way to stop is reliable'}
+        block, grip = self._middle_block, self._middle_grip
+        slope = abs(law.slope(grip.onset.value).value)
+        stiffness = found.stiffness_at(grip).upper
+        speed = max(SLOWEST, min(self._plan.overshoot / (found.latency * stiffness), found.speed.value))
+        predicted = predict_overshoot(found.latency, speed, stiffness, found.rounding) + self._reading_error
+        self._insert(Act.OBJECT, 'Hold the block between the pads until the gripper holds it.', block.width)
+        start = grip.onset.value - self._towards * BACK / slope
+        move = Move(self._closed_end, self._effort_for(PROOF_FACTOR * self._plan.touch_force), speed / slope)
+        self._gripper.consent('proof', move, self._plan.touch_force + predicted, self._plan.closes)
+        closes = [self._attempt(self._close, move, start, way, grip) for _ in range(self._plan.closes)]
+        return {'closes': closes, 'speed': speed, 'predicted': predicted, 'reason': ''}
+
+    @property
+    def _reading_error(self) -> float:
+        """Noise by which the largest of several force readings exceeds the true force [N]."""
+        noise = max(pad['noise'][0] for pad in self._record['rest']['pads'])
+        return READING_NOISES * noise * float(np.sqrt(self._plan.grid.rows * self._plan.grid.cols))
+
+    def _close(self, move: Move, start: float, way: StopWay, grip: BlockGrip) -> Close:
+        self._gripper.move(self._free(start)._replace(effort=move.effort), 'proof', may_touch=True)
+        self._gripper.command(move)
+        limit = self._plan.touch_force
+        strongest = 0.0
+
+        def is_reached(part: Recording) -> bool:
+            nonlocal strongest
+            strongest = max(strongest, *(float(each.max(initial=0.0)) for each in self._force_of(part)))
+            return strongest >= limit
+        self._gripper.watch(CLOSE_LIMIT, 'proof', may_touch=True, tick=REACT, is_over=is_reached)
+        if strongest < limit:
+            raise self._pulled_out()
+        due = self._gripper.now()
+        if way is StopWay.CANCEL:
+            self._gripper.cancel()
+        else:
+            self._gripper.command(move._replace(position=self._gripper.reading))
+        after = self._gripper.watch(STOPPED_TIME, 'proof', may_touch=True)
+        forces = self._force_of(after)
+        peak = max((0, 1), key=lambda number: forces[number].max())
+        largest = int(np.argmax(forces[peak]))
+        held = grip.stiffness.value * self._towards * (self._gripper.reading - grip.onset.value)  # force of the block
+        if forces[peak][-1] < LOOSE_SHARE * min(held, limit):
+            raise self._pulled_out()
+        left, right = (float(each[-SETTLED_FRAMES:].mean()) for each in forces)
+        return Close(float(forces[peak][largest]) - limit,
+                     float(after.pads[self._order[peak]].times[largest]) - due, (left, right))
+
+    def _pulled_out(self) -> RefusedStepError:
+        return RefusedStepError('proof', Mistake.PULLED_OUT, expected='an object between the pads', got='no force',
+                                remedy='Put the object back, and leave it there.')

@@ -1,0 +1,53 @@
+"""Hold what the gripper and the pads sent during one part of a commissioning step."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+
+class PadGrid(NamedTuple):
+    """Size of a pad."""
+
+    rows: int
+    cols: int
+    pitch: float  #: distance between neighbouring taxels [m]
+
+
+class PadFrames(NamedTuple):
+    """Successive frames of one pad."""
+
+    times: np.ndarray      #: acquisition time of each frame, (K,) [s]
+    sequences: np.ndarray  #: number of each frame, (K,); a gap means lost frames
+    forces: np.ndarray     #: force on each taxel, (K, rows, cols) [N]; NaN if unknown
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Mean force on each taxel, (rows, cols) [N]."""
+        return self.forces.mean(0)
+
+
+class JointStates(NamedTuple):
+    """Successive positions of the gripper's joint."""
+
+    times: np.ndarray      #: acquisition times, (K,) [s]
+    positions: np.ndarray  #: positions, (K,) [the unit of the joint]
+
+
+class Recording(NamedTuple):
+    """Everything that was received in one interval."""
+
+    pads: tuple[PadFrames, PadFrames]  #: the two pads, in the order in which the driver names them
+    joint: JointStates
+
+    def after(self, time: float) -> 'Recording':
+        """Return the part of the recording from ``time`` [s] on."""
+        first, second = (PadFrames(*(each[pad.times >= time] for each in pad)) for pad in self.pads)
+        return Recording((first, second), JointStates(*(each[self.joint.times >= time] for each in self.joint)))
+
+
+def joined(recordings: Sequence[Recording]) -> Recording:
+    """Return one recording from successive recordings, of which there is at least one."""
+    first, second = (PadFrames(*map(np.concatenate, zip(*(each.pads[number] for each in recordings))))
+                     for number in (0, 1))
+    return Recording((first, second), JointStates(*map(np.concatenate, zip(*(each.joint for each in recordings)))))

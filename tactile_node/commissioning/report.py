@@ -1,0 +1,103 @@
+"""Write the report of a commissioning as a page (Markdown) and as JSON."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.measurement import Measurement
+from tactile_node.commissioning.parameter_file import MeasuredParameters
+from tactile_node.output_file import output_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORCES = 1.0, 2.0, 5.0, 10.0  #: Overshoots for which the page gives the fastest speed [N].
+
+
+def write_report(page: str | Path, data: str | Path, found: Evaluation, parameters: MeasuredParameters,
+                 about: Mapping[str, str]) -> None:
+    """Write the page and the JSON file.
+
+    Parameters
+    ----------
+    page, data : str or Path
+        The two files.
+    found : Evaluation
+        What the commissioning has shown.
+    parameters : MeasuredParameters
+        The parameters of the parameter file.
+    about : mapping of str to str
+        Lines for the head of the page, for example the date, the versions and the identities of the devices.
+    """
+    with output_file(page) as stream:
+        stream.write(page_text(found, parameters, about).encode())
+    with output_file(data) as stream:
+        stream.write(json.dumps(report_data(found, parameters, about), indent=1, allow_nan=False).encode())
+
+
+def page_text(found: Evaluation, parameters: MeasuredParameters, about: Mapping[str, str]) -> str:
+    """Return the page."""
+    lines = ['# Commissioning', '', *(f'- {name}: {value}' for name, value in about.items()), '',
+             '| finding | value | verdict | reason |', '| --- | --- | --- | --- |']
+    lines += [f'| {fact.name} | {fact.value} | {fact.verdict.value} | {fact.reason} |' for fact in found.facts]
+    lines += ['', '| quantity | value | verdict | reason |', '| --- | --- | --- | --- |']
+    lines += [f'| {each.name} | {_written(each)} | {each.verdict.value} | {each.reason} |'
+              for each in found.measurements]
+    lines += ['', '| overshoot [N] | fastest speed [mm/s] |', '| --- | --- |']
+    lines += [f'| {force:g} | {_speed(found.allowed_speed(force))} |' for force in FORCES]
+    lines += ['', '## Parameters that are missing', '']
+    lines += [f'- {name}: {reason}' for name, reason in parameters.absent.items()] or ['None.']
+    lines += ['', 'The poses of the pads are relative only. Their place in the frame of the gripper was not measured.']
+    return '\n'.join(lines) + '\n'
+
+
+def report_data(found: Evaluation, parameters: MeasuredParameters, about: Mapping[str, str]) -> dict[str, Any]:
+    """Return the content of the JSON file. A value that is not known is null."""
+    return {'about': dict(about),
+            'facts': [{'name': each.name, 'value': each.value, 'verdict': each.verdict.value, 'reason': each.reason}
+                      for each in found.facts],
+            'measurements': [{'name': each.name, 'value': _number(each.estimate.value),
+                              'deviation': _number(each.estimate.deviation), 'unit': each.unit,
+                              'verdict': each.verdict.value, 'reason': each.reason} for each in found.measurements],
+            'fastest_speeds': [{'overshoot': force, 'speed': _number(found.allowed_speed(force))} for force in FORCES],
+            'parameters': parameters.nodes, 'absent': parameters.absent}
+
+
+def law_picture(found: Evaluation) -> 'Figure | None':
+    """Return a figure of the opening law with the blocks, or None if the law is not known."""
+    from matplotlib.figure import Figure  # matplotlib is optional and slow to import
+
+    if found.law is None:
+        return None
+    figure = Figure(figsize=(5, 4), layout='constrained')
+    axes = figure.subplots()
+    readings = np.linspace(*found.law.readings, 100)
+    axes.plot(readings, [1e3 * found.law.law.gap(reading) for reading in readings], label='law')
+    axes.plot([grip.onset.value for grip in found.grips], [1e3 * grip.width for grip in found.grips], 'o',
+              label='blocks')
+    axes.set_xlabel('position of the joint')
+    axes.set_ylabel('opening [mm]')
+    axes.legend()
+    return figure
+
+
+def _written(each: Measurement) -> str:
+    if not each.estimate.is_known:
+        return 'unknown'
+    value, deviation = each.estimate
+    return f'{value:.4g} +- {deviation:.2g} {each.unit}' if deviation else f'{value:.4g} {each.unit}'
+
+
+def _speed(speed: float) -> str:
+    if math.isnan(speed):
+        return 'unknown'
+    return f'{1e3 * speed:.2f}' if speed else 'none is slow enough'
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,355 @@
+"""Tests of the commissioning on a simulated desk in virtual time."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+import yaml
+from bench_commissioning import compared, plan_for
+from commissioning_world import GRID, CommissioningDesk, random_truth
+
+from tactile_node.commissioning.commissioned_gripper import Act
+from tactile_node.commissioning.commissioning_record import CommissioningRecord
+from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.lateral_shift import shift_per_load
+from tactile_node.commissioning.measurement import Estimate, Verdict, line_through, mean_of
+from tactile_node.commissioning.mistake import Mistake, RefusedStepError
+from tactile_node.commissioning.movement import StopWay, upper_bound
+from tactile_node.commissioning.opening_law import KnuckleGap, chord_error, find_law
+from tactile_node.commissioning.pad_alignment import PadAlignment
+from tactile_node.commissioning.pad_mounting import MOUNTINGS, PLACES, REACH, Press, find_mounting
+from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
+from tactile_node.commissioning.procedure import FIRST_SHARE, CommissioningProcedure
+from tactile_node.commissioning.report import report_data, write_report
+from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
+from tactile_node.errors import InputError
+from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
+from tactile_node.grasp.opening import LinearGap
+from tactile_node.gripper.gripper_settings import GripperSettings
+from tactile_node.parameter import table
+from tactile_node.ros import settings
+
+SHORT = {'rest_time': 20.0, 'hold_time': 8.0, 'stop_trials': 6, 'closes': 2}
+SEED = 2007  #: Seed of the gripper of these tests; the report has other seeds.
+
+
+def desk_of(mistakes=(), seed=SEED, **changes):
+    """Return a desk whose gripper has the properties of ``seed``, and the plan for it."""
+    rng = np.random.default_rng(seed)
+    truth = random_truth(rng)
+    desk = CommissioningDesk(truth, rng, tuple(mistakes))
+    return desk, plan_for(truth, **(SHORT | changes))
+
+
+@pytest.fixture(scope='module')
+def finished(tmp_path_factory):
+    """A desk after a whole commissioning, with its plan and the file of the record."""
+    path = tmp_path_factory.mktemp('commissioning') / 'record.json'
+    desk, plan = desk_of()
+    CommissioningProcedure(desk, desk, plan, CommissioningRecord(path)).run()
+    return desk, plan, path
+
+
+def without(path, folder, step):
+    """Return a record in which one step is missing."""
+    content = json.loads(path.read_text())
+    del content['steps'][step]
+    copy = folder / 'record.json'
+    copy.write_text(json.dumps(content))
+    return CommissioningRecord(copy)
+
+
+# ---- estimators ----
+
+def presses_on(mounting, corners, noise=0.0, rng=None):
+    """Return the presses at ``corners`` (x, y) that a pad with this mounting reports."""
+    places = [REACH * np.array(corner) + (noise * rng.standard_normal(2) if rng else 0) for corner in corners]
+    return [Press(0, tuple(np.linalg.inv(mounting.matrix) @ place), 5.0) for place in places]
+
+
+@pytest.mark.parametrize('mounting', MOUNTINGS, ids=str)
+def test_two_corners_and_the_edge_between_them_show_how_a_pad_is_mounted(mounting):
+    rng = np.random.default_rng(3)
+    assert find_mounting(presses_on(mounting, PLACES.values(), 0.08, rng), 'here') == (0, mounting)
+
+
+@pytest.mark.parametrize('wrong', range(3))
+def test_a_press_at_any_other_place_is_refused(wrong):
+    others = {(x, y) for x, y in itertools.product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)}
+    for other in others - {tuple(map(int, list(PLACES.values())[wrong]))}:
+        corners = list(PLACES.values())
+        corners[wrong] = other
+        for mounting in MOUNTINGS:
+            with pytest.raises(RefusedStepError) as refused:
+                find_mounting(presses_on(mounting, corners), 'here')
+            assert refused.value.mistake is Mistake.WRONG_CORNER
+
+
+def test_a_taxel_is_faulty_only_if_its_neighbours_moved():
+    frames = np.zeros((20, 8, 8))
+    frames[5:, :4] = 0.5
+    frames[:, 1, 1] = 0.1  # still among moving neighbours
+    frames[:, 6, 6] = 0.1  # still where nothing moved
+    found = survey([frames])
+    assert found[1, 1] == TaxelFinding.FAULTY
+    assert found[6, 6] == TaxelFinding.UNKNOWN
+    assert np.count_nonzero(found == TaxelFinding.FAULTY) == 1
+    assert (found[5:] == TaxelFinding.UNKNOWN).all()
+
+
+def test_two_deviations_contain_the_mean_and_the_slope_as_often_as_stated():
+    rng = np.random.default_rng(5)
+    inside = []
+    for _ in range(2000):
+        mean = mean_of(rng.normal(3.0, 1.0, 4))
+        slope, _ = line_through(np.arange(5.0), 2 * np.arange(5.0) + rng.standard_normal(5))
+        inside.append((abs(mean.value - 3) <= 2 * mean.deviation, abs(slope.value - 2) <= 2 * slope.deviation))
+    assert np.mean(inside, axis=0) == pytest.approx(0.9545, abs=0.015)
+
+
+@pytest.mark.parametrize('period', [0.008, 0.02])
+@pytest.mark.parametrize('jitter', [0.0, 0.3, 0.6])
+def test_the_bound_of_a_latency_lies_above_the_truth_but_not_by_a_period(period, jitter):
+    rng = np.random.default_rng(6)
+    truth = 0.1
+    bounds = np.array([upper_bound(truth - period * (rng.random(20) + jitter * rng.random(20)), period)
+                       for _ in range(1000)])
+    assert np.mean(bounds >= truth) >= 0.95
+    assert (bounds < truth + period).all()
+
+
+def test_three_blocks_show_the_arc_of_a_knuckle_and_two_do_not():
+    angles, widths = (0.2, 0.4, 0.6), [0.05 * np.cos(0.7 + angle) - 0.01 for angle in (0.2, 0.4, 0.6)]
+    onsets = [Estimate(angle, 1e-5) for angle in angles]
+    found = find_law(onsets, widths, is_angle=True)
+    assert isinstance(found.law, KnuckleGap)
+    assert found.law.gap(0.5) == pytest.approx(0.05 * np.cos(1.2) - 0.01, abs=1e-6)
+    assert find_law(onsets[:2], widths[:2], is_angle=True) is None
+    assert find_law(onsets, widths, is_angle=False) is None  # a slide has no arc, so a block is wrong
+    straight = find_law(onsets, [0.08 - 0.1 * angle for angle in angles], is_angle=False)
+    assert isinstance(straight.law, LinearGap)
+    assert chord_error(found)[1] > 1e-4
+
+
+@pytest.mark.parametrize(('shifts', 'reason'), [
+    ((0.004, 0.0056), '%'), ((0.004, -0.004), 'sign'), ((0.004,), 'two grips'), ((0.004, 0.0045), '')])
+def test_a_shift_is_known_only_if_two_grips_agree(shifts, reason):
+    found, why = shift_per_load(shifts)
+    assert found.is_known == (not reason)
+    assert reason in why
+
+
+# ---- the whole commissioning ----
+
+@pytest.mark.slow
+def test_a_commissioning_finds_the_truth(finished):
+    desk, plan, path = finished
+    record = CommissioningRecord(path)
+    result = compared(desk.truth, Evaluation(record, plan), record)
+    assert [(name, *pair) for name, pair in result['facts'].items() if pair[0] != pair[1]] == []
+    for name, (found, true) in result['latencies'].items():
+        if name == desk.truth.failing.value:
+            assert np.isnan(found)
+        else:
+            assert true <= found <= true + 0.02
+    assert result['law'][0] < 2e-4
+    assert result['law'][1] < 0.01
+    for name, error in result['poses'].items():
+        assert abs(error) < (5e-4 if name in 'xy' else np.radians(1)), name
+
+
+@pytest.mark.slow
+def test_the_first_movement_is_small_and_the_effort_rises(finished):
+    desk, plan, _ = finished
+    first = list(itertools.takewhile(lambda command: command[2] < plan.travel / 10, desk.commands))
+    efforts = [effort for _, effort, _ in first]
+    assert len(first) > 1
+    assert np.ptp([position for position, _, _ in first]) == 0
+    start = desk.truth.low + (0.3 if desk.truth.closes_rising else 0.7) * desk.truth.span
+    assert abs(first[0][0] - start) <= 1.01 * FIRST_SHARE * plan.travel
+    assert efforts == sorted(efforts)
+    assert efforts[0] <= 0.01 * plan.most_effort
+
+
+@pytest.mark.slow
+def test_each_series_is_consented_to_and_foam_comes_before_hard_blocks(finished):
+    desk, *_ = finished
+    acts = [question.act for question in desk.questions]
+    assert acts[0] is Act.CONFIRM_STOP
+    assert acts.index(Act.FOAM) < acts.index(Act.BLOCK)
+    for question in desk.questions:
+        if question.act is Act.CONSENT:
+            assert all(word in question.text for word in ('movements at', 'effort of', ' N. Start?'))
+
+
+PARTS = {
+    Mistake.WRONG_PAD: 'pads', Mistake.WRONG_CORNER: 'pads', Mistake.TOO_LIGHT: 'pads', Mistake.LET_GO_EARLY: 'pads',
+    Mistake.TWO_FINGERS: 'pads', Mistake.OTHER_BLOCK: 'block 25 mm', Mistake.BLOCK_ASKEW: 'block 25 mm',
+    Mistake.BLOCK_SLID: 'block 25 mm', Mistake.BLOCK_MISSING: 'block 25 mm', Mistake.HAND_BETWEEN: 'stops',
+    Mistake.SWITCHED_OFF: 'stops', Mistake.EMERGENCY_STOP: 'stops', Mistake.OTHER_CLIENT: 'stops',
+    Mistake.OTHER_JOINT: 'stops', Mistake.WEIGHT_MISSING: 'weight', Mistake.PULLED_OUT: 'proof'}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('mistake', PARTS, ids=lambda mistake: mistake.value)
+def test_a_mistake_is_explained_and_only_its_part_is_repeated(finished, tmp_path, mistake):
+    record = without(finished[2], tmp_path, PARTS[mistake])
+    desk, plan = desk_of([mistake])
+    procedure = CommissioningProcedure(desk, desk, plan, record)
+    procedure.run()
+    assert [error.mistake for _, error in procedure.refused] == [mistake]
+    explained = [question.text for question in desk.questions if question.act is Act.REPEAT]
+    assert len(explained) == 1
+    assert all(word in explained[0] for word in ('expected', 'got'))
+    assert PARTS[mistake] in record
+    acts = [question.act for question in desk.questions]
+    assert acts.count(Act.CONFIRM_STOP) == 1
+    if PARTS[mistake] != 'pads':
+        assert not {Act.PRESS, Act.STROKE, Act.FOAM, Act.LEAVE} & set(acts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('mistake', [Mistake.EMERGENCY_STOP, Mistake.HAND_BETWEEN])
+def test_the_gripper_is_stopped_in_both_ways_after_a_mistake(finished, tmp_path, mistake):
+    desk, plan = desk_of([mistake])
+    procedure = CommissioningProcedure(desk, desk, plan, without(finished[2], tmp_path, 'step'))
+    before = []
+    answer = desk.ask
+
+    def ask(question):
+        if question.act is Act.REPEAT:
+            before.append((desk.cancels, *desk.commands[-1][:2]))
+        return answer(question)
+    desk.ask = ask
+    procedure.run()
+    (cancels, position, effort), = before
+    assert cancels > 0
+    assert plan.low - 0.1 * plan.travel <= position <= plan.high + 0.1 * plan.travel
+    assert effort > desk.truth.idle_effort  # a smaller effort would not hold the gripper
+
+
+def test_nothing_moves_while_another_client_commands_the_gripper(tmp_path):
+    desk, plan = desk_of()
+    desk.others = lambda: 'touch_gripper'
+    with pytest.raises(RefusedStepError, match='touch_gripper'):
+        CommissioningProcedure(desk, desk, plan, CommissioningRecord(tmp_path / 'record.json')).run()
+    assert not desk.commands
+
+
+def test_nothing_moves_without_an_emergency_stop_in_reach(tmp_path):
+    desk, plan = desk_of()
+    desk.ask = lambda question: 'no' if question.act is Act.CONFIRM_STOP else 'yes'
+    with pytest.raises(RefusedStepError, match='emergency stop'):
+        CommissioningProcedure(desk, desk, plan, CommissioningRecord(tmp_path / 'record.json')).run()
+    assert not desk.commands
+
+
+@pytest.mark.slow
+def test_nothing_moves_without_consent(tmp_path):
+    desk, plan = desk_of()
+    answer = desk.ask
+    desk.ask = lambda question: 'no' if question.act is Act.CONSENT else answer(question)
+    with pytest.raises(RefusedStepError) as refused:
+        CommissioningProcedure(desk, desk, plan, CommissioningRecord(tmp_path / 'record.json')).run()
+    assert refused.value.mistake is Mistake.NO_CONSENT
+    here = desk.truth.low + (0.3 if desk.truth.closes_rising else 0.7) * desk.truth.span
+    assert all(abs(position - here) < 0.01 * plan.travel for position, _, _ in desk.commands)
+
+
+@pytest.mark.slow
+def test_an_interruption_stops_the_gripper_and_keeps_the_finished_steps(finished, tmp_path):
+    record = without(finished[2], tmp_path, 'foam')
+    desk, plan = desk_of()
+    answer = desk.ask
+
+    def ask(question):
+        if question.act is Act.CONSENT:
+            raise KeyboardInterrupt
+        return answer(question)
+    desk.ask = ask
+    with pytest.raises(KeyboardInterrupt):
+        CommissioningProcedure(desk, desk, plan, record).run()
+    assert desk.cancels == 1
+    assert 'stops' in CommissioningRecord(tmp_path / 'record.json')
+
+
+# ---- files ----
+
+@pytest.mark.slow
+def test_the_parameter_file_sets_only_parameters_that_exist_and_are_in_range(finished, tmp_path):
+    _, plan, path = finished
+    parameters = measured_parameters(Evaluation(CommissioningRecord(path), plan), plan)
+    write_parameters(tmp_path / 'parameters.yaml', parameters)
+    read = yaml.safe_load((tmp_path / 'parameters.yaml').read_text())
+    classes = {'grasp': settings.GraspNodeSettings, 'touch_gripper': GripperSettings,
+               'classifier': settings.ClassifierSettings}
+    assert read
+    for node, content in read.items():
+        settings_class = classes[node.removeprefix('/**/')]
+        given = {name: tuple(value) if isinstance(value, list) else value
+                 for name, value in content['ros__parameters'].items()}
+        for row in table(settings_class):
+            if isinstance(given.get(row.name), float):
+                assert row.properties.low <= given[row.name] <= row.properties.high
+        settings_class(**given)  # refuses an unknown name or limits that contradict each other
+
+
+def test_an_empty_record_gives_no_parameter_and_no_value(tmp_path):
+    _, plan = desk_of()
+    found = Evaluation(CommissioningRecord(tmp_path / 'none.json'), plan)
+    parameters = measured_parameters(found, plan)
+    assert parameters.nodes == {}
+    assert {'stop_by', 'latency', 'stiffness', 'shift_per_load'} <= parameters.absent.keys()
+    data = report_data(found, parameters, {})
+    assert {each['verdict'] for each in (*data['measurements'], *data['facts'])} == {'unknown'}
+    assert all(each['value'] is None for each in data['measurements'])
+
+
+@pytest.mark.slow
+def test_the_report_contains_each_value_with_its_verdict(finished, tmp_path):
+    _, plan, path = finished
+    found = Evaluation(CommissioningRecord(path), plan)
+    write_report(tmp_path / 'report.md', tmp_path / 'report.json', found, measured_parameters(found, plan),
+                 {'date': '2026-01-02'})
+    page, data = (tmp_path / 'report.md').read_text(), json.loads((tmp_path / 'report.json').read_text())
+    assert len(data['measurements']) == len(found.measurements)
+    for line in (*found.measurements, *found.facts):
+        assert f'| {line.name} |' in page
+    assert found.fits_closing().verdict is not Verdict.UNKNOWN
+
+
+def test_a_record_of_another_kind_is_refused(tmp_path):
+    path = tmp_path / 'record.json'
+    path.write_text('{"version": 99, "steps": {}}')
+    with pytest.raises(InputError, match='version 99'):
+        CommissioningRecord(path)
+
+
+def test_the_poses_of_the_pads_bring_the_prints_of_a_block_to_one_line():
+    mountings = [MOUNTINGS[1], MOUNTINGS[2]]
+    turn, offset = 0.04, np.array((0.003, -0.002))
+    alignment = PadAlignment(*(Estimate(each, 0.0) for each in (*offset, turn, 0.0, 0.0)))
+    poses = pad_poses(GRID, mountings, alignment)
+    gripper = Gripper(PadPose(poses['left_xyz'], poses['left_rpy']), PadPose(poses['right_xyz'], poses['right_rpy']))
+    point = np.array((0.002, 0.005))  # place of the block on the left pad, seen with the fingertip up
+    cos, sin = np.cos(turn), np.sin(turn)
+    across = np.array(((cos, sin), (-sin, cos))) @ (point - offset)
+    seen = [point, across * (-1, 1)]  # the right pad is seen from the other side
+    corner = -np.array((GRID.cols - 1, GRID.rows - 1)) * GRID.pitch / 2
+    left, right = (np.linalg.inv(mounting.matrix) @ place - corner for mounting, place in zip(mountings, seen))
+    assert contact_line(gripper, tuple(left), tuple(right), 0.02).offset == pytest.approx(0, abs=1e-6)
+
+
+def test_a_way_to_stop_that_fails_once_is_never_chosen(tmp_path):
+    _, plan = desk_of()
+    record = CommissioningRecord(tmp_path / 'record.json')
+    trials = {way.value: [(True, 0.05, 0.06, False)] * 20 for way in StopWay}
+    record.save('foam', {'kept': {way.value: (1.0, 0.0) for way in StopWay}})
+    record.save('stops', {'trials': trials, 'speed': (0.02, 1e-4), 'period': 0.01})
+    assert Evaluation(record, plan).stop_by is StopWay.CANCEL
+    trials['cancel'][7] = (False, 0.05, 0.06, False)
+    record.save('stops', {'trials': trials, 'speed': (0.02, 1e-4), 'period': 0.01})
+    assert Evaluation(record, plan).stop_by is StopWay.GOAL
+    record.save('foam', {'kept': {way.value: (0.1, 0.0) for way in StopWay}})
+    assert Evaluation(record, plan).stop_by is None
