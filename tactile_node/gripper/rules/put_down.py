@@ -69,7 +69,8 @@ class PutDownOutcome(IntEnum):
     DRIFTED = 8            #: a quantity has drifted so far from the baseline that a slow touch may be the cause
     GRIPPER_MOVED = 9      #: another goal moves the gripper
     DUPLICATE = 10         #: another process commands the same gripper or has the same name
-    REFUSED = 11           #: the goal is invalid, or another put-down is in progress
+    REPLACED = 11          #: a later goal has replaced this one
+    REFUSED = 12           #: the goal is invalid
 
 
 class Sign(IntFlag):
@@ -226,14 +227,15 @@ class PutDown:
         is_resting : bool
             True if the gripper is at rest.
         """
+        if not is_resting:
+            self._baseline.clear()
+            if self.is_watching:
+                return PutDownOutcome.GRIPPER_MOVED
         is_current = now - reading.acquired <= self._max_age
         end = self._why_lost(now, reading) if is_current else None
         if end is None and is_current and reading.contact is GraspContact.TWO_SIDED and reading.pads is not None:
             self._usable = now
-            if not is_resting:
-                self._baseline.clear()
-                end = PutDownOutcome.GRIPPER_MOVED if self.is_watching else None
-            elif self._sequences is None or reading.is_new(self._sequences):
+            if is_resting and (self._sequences is None or reading.is_new(self._sequences)):
                 self._sequences = reading.sequences
                 follow = self._watch if self.is_watching else self._take
                 end = follow(reading.acquired, reading.pads)
@@ -316,7 +318,7 @@ def _heading(contact: HeldContact, outline: str, symmetry: int) -> np.ndarray:
 def _middle(values: np.ndarray) -> np.ndarray:
     """Return the mean without the largest and smallest values.
 
-    A median would jump if a quantity jumps to and fro between two values, as the centre of a small contact does.
+    A median would jump if a quantity jumps back and forth between two values, as the centre of a small contact does.
     """
     mean: np.ndarray = stats.trim_mean(values, TRIMMED)
     return mean
