@@ -1,4 +1,4 @@
-"""The gripper node serves an action that closes the gripper until both pads are touched.
+"""The gripper node serves an action that closes the gripper until both pads are touched, and an action to put down.
 
 The node forwards commands to the gripper's own action. The node is not a safety function.
 """
@@ -24,6 +24,7 @@ from tactile_node.gripper.gripper_client import GripperClient
 from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.gripper.health import gripper_status, unseen_text
 from tactile_node.gripper.messages import GripperState, gripper_interface, touch_of
+from tactile_node.gripper.put_down_server import PutDownServer
 from tactile_node.gripper.rules.closing import NO_TOUCH, Outcome
 from tactile_node.gripper.rules.control import Ending, TouchControl, Wish
 from tactile_node.nodes.grasp_requests import allow_feedback
@@ -47,7 +48,7 @@ logger = logging.getLogger(__name__)
 
 
 class GripperNode(Node):
-    """Serves the action `~/gripper_cmd`, which a client calls instead of the gripper's own action.
+    """Serves the action `~/gripper_cmd`, which a client calls instead of the gripper's own action, and `~/put_down`.
 
     A goal has the status ACCEPTED (in Lyrical EXECUTING) until its result is known.
 
@@ -96,7 +97,8 @@ class GripperNode(Node):
             self, self._interface.action, '~/gripper_cmd', execute_callback=lambda handle: None,
             handle_accepted_callback=self._on_accepted, cancel_callback=lambda handle: CancelResponse.ACCEPT,
             result_timeout=RESULT_TIMEOUT)
-        self._ends += [server.destroy, self._shut_down]
+        put_down = PutDownServer(self, self._control, self._watch, settings, steady=steady)
+        self._ends += [server.destroy, put_down.destroy, self._shut_down]
 
     def destroy_node(self) -> None:
         """Stop a closing gripper, because the node can no longer monitor it."""

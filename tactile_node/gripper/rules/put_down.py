@@ -81,6 +81,13 @@ class Sign(IntFlag):
     FORCE_CHANGED = 2
     TURNED = 4         #: the outline turned
 
+    @property
+    def text(self) -> str:
+        """The signs as text."""
+        texts = {Sign.SHIFTED: 'a contact moved along its pad', Sign.FORCE_CHANGED: 'the force changed',
+                 Sign.TURNED: 'a contact turned'}
+        return ' and '.join(text for sign, text in texts.items() if sign in self)
+
 
 class HeldContact(NamedTuple):
     """The contact on one pad."""
@@ -198,11 +205,14 @@ class PutDown:
         Departure in the latest frame.
     reason : str
         Explanation of the outcome, or ''.
+    used : int
+        Number of frames that were compared with the baseline, or added to it.
     """
 
     def __init__(self, now: float, timeout: float, max_age: float):
         self._end, self._max_age = now + timeout, max_age
         self.touch, self.reason = Touch(), ''
+        self.used = 0
         self._was_held = False
         self._held = now       # time at which both pads last touched the object
         self._usable = now     # time of the last usable reading
@@ -237,6 +247,7 @@ class PutDown:
             self._usable = now
             if is_resting and (self._sequences is None or reading.is_new(self._sequences)):
                 self._sequences = reading.sequences
+                self.used += 1
                 follow = self._watch if self.is_watching else self._take
                 end = follow(reading.acquired, reading.pads)
         if end is None and now - self._usable > (BLIND_TIME if self._was_held else START_TIME):
@@ -277,8 +288,11 @@ class PutDown:
                 most = max(most, departure)
         self.touch = Touch(signs, most)
         drifted = [each.name for _, each in self._quantities if each.has_drifted]
-        if signs or not drifted:
-            return PutDownOutcome.SOMETHING_TOUCHES if signs else None
+        if signs:
+            self.reason = f'{signs.text}, by {most:.1f} standard deviations'
+            return PutDownOutcome.SOMETHING_TOUCHES
+        if not drifted:
+            return None
         self.reason = f'{" and ".join(drifted)} drifted'
         return PutDownOutcome.DRIFTED
 
