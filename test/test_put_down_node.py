@@ -4,7 +4,6 @@ test_put_down.py tests the rules without ROS, and test_put_down_example.py kills
 """
 
 from copy import deepcopy
-from functools import partial
 from itertools import count
 
 import pytest
