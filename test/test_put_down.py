@@ -178,6 +178,16 @@ def test_a_push_in_the_air_is_a_touch():
     assert planner.put_down() is PutDownOutcome.SOMETHING_TOUCHES
 
 
+@pytest.mark.parametrize(('shift', 'outcome'), [(0.3e-3, 'DRIFTED'), (1e-3, 'SOMETHING_TOUCHES')])
+def test_a_change_on_one_pad_alone_must_be_larger(shift, outcome):
+    class OneSided(Planner):
+        def _contact(self, shift, force, angle):
+            self._is_left = not getattr(self, '_is_left', False)
+            return super()._contact(shift if self._is_left else 0.0, force, angle)
+    assert OneSided(later(ramp(shift, 0.2))).put_down().name == outcome
+    assert Planner(later(ramp(shift, 0.2))).put_down() is PutDownOutcome.SOMETHING_TOUCHES
+
+
 def test_a_larger_change_is_surer():
     def sureness(shift):
         planner = Planner(later(lambda time: {'shift': shift}))

@@ -12,7 +12,7 @@ The rules never decide that nothing touches the object.
 """
 
 import math
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Sequence
 from enum import IntEnum, IntFlag
 from functools import partial
@@ -34,9 +34,10 @@ BLIND_TIME = 0.5     #: Time without a usable reading after which the goal ends 
 #: within this time.
 LASTING = 0.15
 LEAST_IN_LASTING = 3  #: Smallest number of frames that show a lasting departure.
-#: Share of the limit by which every frame of a lasting departure must depart. The mean must depart by the whole limit.
-EVERY_FRAME = 0.5
-#: Number of standard deviations of a single frame by which the mean of a lasting departure must exceed the baseline.
+#: Share of a lasting departure by which each of its frames must depart.
+EACH_FRAME = 0.5
+#: Smallest departure that is a touch, as a mean over both pads [standard deviations of a single frame]. A table loads
+#: both pads. The noise of one pad alone would have to exceed twice this number.
 CERTAINTY = 3.0
 
 PLACE_STEP = 0.1     #: Smallest departure of the centre of pressure that counts [pitches].
@@ -123,7 +124,8 @@ class Touch(NamedTuple):
     """A lasting departure from the baseline."""
 
     signs: Sign = Sign.NONE
-    deviations: float = 0.0  #: departure [standard deviations of a single frame in the baseline]
+    #: departure, as a mean over both pads [standard deviations of a single frame in the baseline]
+    deviations: float = 0.0
 
 
 class Quantity:
@@ -162,7 +164,7 @@ class Quantity:
     @property
     def has_drifted(self) -> bool:
         """True if the reference has drifted as far as a touch would move the quantity."""
-        return _length(self._reference - self._first) > self._limit
+        return _length(self._reference - self._first) > CERTAINTY * self._spread
 
     def departure(self, time: float, contact: HeldContact) -> float:
         """Add the contact of the next frame, and return its lasting departure [standard deviations], or 0."""
@@ -178,13 +180,9 @@ class Quantity:
         if len(self._recent) < LEAST_IN_LASTING or self._recent[0][0] > time - LASTING:
             return 0.0
         recent = np.array([each for _, each in self._recent])
-        mean = recent.mean(axis=0)
-        is_each_away = recent @ mean >= EVERY_FRAME * self._limit * _length(mean)
-        return _length(mean) / self._spread if _length(mean) >= self._limit and is_each_away.all() else 0.0
-
-    @property
-    def _limit(self) -> float:
-        return CERTAINTY * self._spread
+        mean = _length(recent.mean(axis=0))
+        least = float((recent @ recent.mean(axis=0)).min()) / mean if mean > 0 else 0.0
+        return max(0.0, min(mean, least / EACH_FRAME)) / self._spread
 
 
 class PutDown:
@@ -280,16 +278,14 @@ class PutDown:
 
     def _watch(self, time: float, pads: Pads) -> PutDownOutcome | None:
         """Compare a frame with the baseline."""
-        signs, most = Sign.NONE, 0.0
+        deviations: defaultdict[Sign, float] = defaultdict(float)
         for number, quantity in self._quantities:
-            departure = quantity.departure(time, pads[number])
-            if departure:
-                signs |= quantity.sign
-                most = max(most, departure)
-        self.touch = Touch(signs, most)
+            deviations[quantity.sign] += quantity.departure(time, pads[number]) / len(pads)
+        signs = [sign for sign, deviation in deviations.items() if deviation >= CERTAINTY]
+        self.touch = Touch(Sign(sum(signs)), max(deviations[sign] for sign in signs)) if signs else Touch()
         drifted = [each.name for _, each in self._quantities if each.has_drifted]
         if signs:
-            self.reason = f'{signs.text}, by {most:.1f} standard deviations'
+            self.reason = f'{self.touch.signs.text}, by {self.touch.deviations:.1f} standard deviations'
             return PutDownOutcome.SOMETHING_TOUCHES
         if not drifted:
             return None
