@@ -59,9 +59,7 @@ class Witness:
 
 def may_lower(goal: PutDownGoal, arm: Arm, highest_table: float) -> bool:
     """Return True if the arm may move. During the baseline, it must stay above the highest possible table."""
-    if goal.state == PutDown.Feedback.BASELINE:
-        return arm.height() > highest_table
-    return goal.state == PutDown.Feedback.WATCHING
+    return goal.is_watching or (goal.is_current and arm.height() > highest_table)
 
 
 def put_down(client: TouchClient, node: Node, arm: Arm, highest_table: float,

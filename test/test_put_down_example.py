@@ -33,7 +33,7 @@ class World:
     Parameters
     ----------
     states : callable
-        Function that returns the state in the feedback at a time, or None if no feedback arrives.
+        Function that returns the field ``watching`` of the feedback at a time, or None if no feedback arrives.
     ends : float
         Time at which the goal ends with ``outcome`` [s].
     feels : callable
@@ -59,7 +59,7 @@ class World:
         if self.now >= self._ends and self.goal.result is None:
             self.goal.result = Result(outcome=self._outcome)
         elif (state := self._states(self.now)) is not None:
-            self.goal.on_feedback(PutDown.Impl.FeedbackMessage(feedback=Feedback(state=state)))
+            self.goal.on_feedback(PutDown.Impl.FeedbackMessage(feedback=Feedback(watching=state)))
 
     def height(self):
         return self.heights
@@ -84,7 +84,7 @@ def run(example, monkeypatch):
 
 
 def watching(time):
-    return Feedback.WATCHING
+    return True
 
 
 WITNESSES = {
@@ -128,7 +128,7 @@ def test_the_arm_stops_for_good_if_the_node_is_gone(run):
 
 def test_the_arm_moves_neither_before_the_first_feedback_nor_low_during_the_baseline(run):
     def baseline(time):
-        return None if time < 1 else Feedback.BASELINE if time < 3 else Feedback.WATCHING
+        return None if time < 1 else time >= 3
     low, high = World(baseline, ends=5.0), World(baseline, ends=5.0)
     low.heights = 0.04
     run(low)

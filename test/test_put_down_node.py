@@ -21,7 +21,6 @@ pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control
 
 TIMEOUT = 8.0  # s
 FORCE = 5.0    # N
-BASELINE, WATCHING, NOT_KNOWN = PutDown.Feedback.BASELINE, PutDown.Feedback.WATCHING, PutDown.Feedback.NOT_KNOWN
 Result = PutDown.Result
 
 
@@ -80,7 +79,7 @@ def begun(bench, timeout=TIMEOUT):
 def watching(bench):
     """Return a goal that has completed its baseline."""
     goal = begun(bench)
-    bench.until(lambda: goal.state == WATCHING or goal.result)
+    bench.until(lambda: goal.is_watching or goal.result)
     assert goal.result is None, goal.result.message
     return goal
 
@@ -102,7 +101,7 @@ def test_the_codes_of_the_action_are_those_of_the_rules():
     outcomes = {each.name: each.value for each in PutDownOutcome}
     assert {name: getattr(Result, name) for name in outcomes} == outcomes
     assert {each.name: getattr(Result, each.name) for each in Sign} == {each.name: each.value for each in Sign}
-    assert Result().outcome == Result.NOT_KNOWN and PutDown.Feedback().state == NOT_KNOWN
+    assert Result().outcome == Result.NOT_KNOWN and not PutDown.Feedback().watching
     assert name_of(Result, 'outcome', Result.DRIFTED) == 'DRIFTED'
 
 
@@ -110,17 +109,18 @@ def test_a_touch_is_reported_with_its_sign_and_moves_nothing(make_bench):
     bench = make_bench()
     goal = begun(bench)
     begin = bench.steady()
-    bench.until(lambda: goal.state == BASELINE)
-    bench.until(lambda: goal.state == WATCHING)
+    bench.until(lambda: goal.is_current)
+    assert not goal.is_watching
+    bench.until(lambda: goal.is_watching)
     assert bench.steady() - begin >= BASELINE_TIME - AGE
     bench.wait(1.0)
-    assert goal.state == WATCHING and goal.result is None
+    assert goal.is_watching and goal.result is None
     bench.sides.change = moved
     result, seconds = ended(bench, goal)
     assert (result.outcome, result.signs) == (Result.SOMETHING_TOUCHES, Result.SHIFTED) and result.deviations >= 3
     assert 'moved along its pad' in result.message
     assert LASTING <= seconds <= LASTING + AGE + PERIOD + 2 * STEP
-    assert goal.state == NOT_KNOWN and not bench.motor.commands
+    assert not goal.is_current and not bench.motor.commands
 
 
 def test_an_object_that_is_lost_and_a_pad_that_is_unseen_end_the_goal(make_bench):
@@ -133,7 +133,7 @@ def test_an_object_that_is_lost_and_a_pad_that_is_unseen_end_the_goal(make_bench
     bench.wait(0.2)
     goal = watching(bench)
     bench.pads.is_silent = True
-    bench.until(lambda: goal.state == NOT_KNOWN)
+    bench.until(lambda: not goal.is_current)
     assert bench.steady() - goal.heard <= FEEDBACK_LIMIT + 2 * STEP and goal.result is None
     assert ended(bench, goal)[0].outcome == Result.PAD_UNSEEN
     assert bench.steady() - goal.heard <= BLIND_TIME + 0.15 + 2 * PERIOD and not bench.motor.commands
@@ -150,7 +150,7 @@ def test_results_that_cannot_be_compared_stop_the_feedback(make_bench, change):
     bench = make_bench()
     goal = watching(bench)
     bench.sides.change = lambda sides: change(moved(sides)) and sides or sides
-    bench.until(lambda: goal.state == NOT_KNOWN)
+    bench.until(lambda: not goal.is_current)
     assert ended(bench, goal)[0].outcome == Result.PAD_UNSEEN
 
 
@@ -185,7 +185,7 @@ def test_a_new_goal_replaces_the_goal_in_progress(make_bench):
     first = watching(bench)
     second = begun(bench)
     assert ended(bench, first)[0].outcome == Result.REPLACED
-    bench.until(lambda: second.state == WATCHING)
+    bench.until(lambda: second.is_watching)
 
 
 def test_another_goal_of_the_gripper_ends_the_watch(make_bench):

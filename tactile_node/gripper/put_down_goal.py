@@ -31,26 +31,27 @@ class PutDownGoal:
 
     def __init__(self, steady: Callable[[], float]):
         self._steady = steady
-        self._state = PutDown.Feedback.NOT_KNOWN
+        self._watches = False
         self.handle: Any = None
         self.result: PutDown.Result | None = None
         self.heard = -math.inf
 
     @property
-    def state(self) -> int:
-        """Present state as a code of the feedback. NOT_KNOWN means that the arm must stop.
+    def is_current(self) -> bool:
+        """True while feedback arrives and the goal has not ended. If it is False, the arm must stop."""
+        return self.result is None and self._steady() - self.heard <= FEEDBACK_LIMIT
 
-        The state is NOT_KNOWN before the first feedback, once the feedback has ceased, and after the end of the goal.
-        """
-        is_known = self.result is None and self._steady() - self.heard <= FEEDBACK_LIMIT
-        return self._state if is_known else PutDown.Feedback.NOT_KNOWN
+    @property
+    def is_watching(self) -> bool:
+        """True if the goal is current and can detect a touch, because the baseline is complete."""
+        return self.is_current and self._watches
 
     def cancel(self) -> Any:
         """Cancel the goal and return rclpy's future. The goal must have been accepted."""
         return self.handle.cancel_goal_async()
 
     def on_feedback(self, message: Any) -> None:
-        self._state, self.heard = message.feedback.state, self._steady()
+        self._watches, self.heard = message.feedback.watching, self._steady()
 
     def on_answer(self, future: Any) -> None:
         """Store the handle of an accepted goal and request its result."""

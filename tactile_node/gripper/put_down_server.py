@@ -9,7 +9,6 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from tactile_node.code_names import name_of
 from tactile_node.errors import RefusedRequirementError
 from tactile_node.gripper.duplicate_watch import DuplicateWatch
 from tactile_node.gripper.gripper_settings import GripperSettings
@@ -139,9 +138,8 @@ class _Goal:
 
     def publish_feedback(self) -> None:
         """Publish feedback for the latest frame. Without a new usable frame, no feedback is due."""
-        self.told, kind = self.rules.used, action.PutDown.Feedback
-        state = kind.WATCHING if self.rules.is_watching else kind.BASELINE
-        self.handle.publish_feedback(kind(message=name_of(kind, 'state', state), state=state))
+        self.told = self.rules.used
+        self.handle.publish_feedback(action.PutDown.Feedback(watching=self.rules.is_watching))
 
     def _on_sides(self, sides: GraspSides) -> None:
         arrival = self._ages.arrived(sides)

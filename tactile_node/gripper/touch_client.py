@@ -129,7 +129,7 @@ class TouchClient:
     def put_down(self, timeout: float) -> PutDownGoal:
         """Watch the held object until something touches it, and return the goal; see docs/put_down.md.
 
-        Lower the arm only while `PutDownGoal.state` allows it. The method sends no command to the gripper.
+        Lower the arm only while `PutDownGoal.is_watching` is True. The method sends no command to the gripper.
 
         Parameters
         ----------
