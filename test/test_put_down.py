@@ -139,6 +139,7 @@ DISTURBED = {
     'nothing is known': (lambda time: None, {'PAD_UNSEEN'}),
     'old frames': (lambda time: {'acquired': time - 2 * MAX_AGE}, {'PAD_UNSEEN'}),
     'frames without an age': (lambda time: {'acquired': -math.inf}, {'PAD_UNSEEN'}),
+    'stamps that jitter': (lambda time: {'acquired': time - PERIOD * (round(time / PERIOD) % 2)}, {'TIMED_OUT'}),
     'the same frame again and again': (later(lambda time: {'sequences': (1, 1), 'shift': 1e-3}), {'TIMED_OUT'}),
 }
 

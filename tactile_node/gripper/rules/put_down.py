@@ -6,9 +6,10 @@ The callers of this module pass the current time, because the module reads no cl
 If a table takes the weight of an object or pushes it, the load along the pads changes. The load moves the pressure in
 the elastic skins (docs/events.md), changes the force on the pads, or turns the object. The rules take a baseline of
 each of these quantities while nothing touches the object, and then look for a lasting departure from the baseline. A
-shaken hand moves the pressure to and fro, so a departure must last longer than half a swing.
+shaken hand moves the pressure back and forth, so a departure must last longer than half a swing.
 
-The rules never decide that nothing touches the object.
+A departure does not tell what touches the object. An object that slips in the hand departs as well. Without a
+departure, something may touch the object nevertheless.
 """
 
 import math
@@ -49,9 +50,9 @@ MOST_NOISE = 2.0
 #: Time in which the reference may follow a drift by the smallest departure that counts [s]. A skin creeps, and its zero
 #: drifts.
 DRIFT_TIME = 2.0
-# Largest drift from the first third to the last third of a quiet baseline: one of these two values.
-MOST_DRIFT = 0.6   #: share of the smallest departure that counts; the reference can follow this drift
-MOST_JITTER = 0.8  #: number of standard deviations of the noise from frame to frame
+# Largest drift from the first third to the last third of a quiet baseline: the larger of these two values.
+MOST_DRIFT = 0.6     #: share of the smallest departure that counts; the reference can nearly follow this drift
+MOST_JITTER = 0.8    #: number of standard deviations of the noise from frame to frame
 TRIMMED = 0.2        #: Share of the values at each end that a mean leaves out, because a single frame may be wrong.
 NORMAL = 1.4826      #: Standard deviation of normal noise, divided by its median absolute deviation.
 
@@ -158,7 +159,6 @@ class Quantity:
         jitter = NORMAL * _length(np.median(np.abs(np.diff(values, axis=0)), axis=0)) / math.sqrt(2)
         #: True if the quantity neither drifted nor varied too much during the baseline
         self.is_quiet = noise <= MOST_NOISE * step and drift <= max(MOST_DRIFT * step, MOST_JITTER * jitter)
-        self._time = math.nan
         self._recent: deque[tuple[float, np.ndarray]] = deque()  # times and departures within LASTING
 
     @property
@@ -171,9 +171,9 @@ class Quantity:
         away = self._read(contact) - self._reference
         if not np.isfinite(away).all():
             return 0.0
-        if self._recent:
-            most = self._step * (time - self._recent[-1][0]) / DRIFT_TIME
-            self._reference = self._reference + away * min(1.0, most / max(_length(away), most))
+        if self._recent and _length(away) > 0:
+            followed = self._step * max(0.0, time - self._recent[-1][0]) / DRIFT_TIME
+            self._reference = self._reference + away * min(1.0, followed / _length(away))
         self._recent.append((time, away))
         while len(self._recent) > LEAST_IN_LASTING and self._recent[1][0] <= time - LASTING:
             self._recent.popleft()
