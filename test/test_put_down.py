@@ -11,6 +11,7 @@ from itertools import count
 
 import numpy as np
 import pytest
+from put_down_world import STIFFNESS, Descent, Hand
 
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.gripper.rules.closing import LOST_AFTER
@@ -25,6 +26,8 @@ from tactile_node.gripper.rules.put_down import (
     PutDownOutcome,
     Sign,
 )
+from tactile_node.shape.methods import make_recogniser
+from training.ground_truth.seeds import Purpose, generator
 
 PERIOD = 0.02     # Period of the frames [s].
 LOOK = 0.01       # Time between two looks [s].
@@ -291,3 +294,19 @@ def test_the_limits_of_time_are_kept():
     assert ended('nothing is known') == pytest.approx(START_TIME, abs=2 * LOOK)
     assert ended('frames stop') == pytest.approx(AFTER + MAX_AGE + BLIND_TIME, abs=PERIOD + 2 * LOOK)
     assert ended('the object falls') == pytest.approx(AFTER + AGE + LOST_AFTER, abs=PERIOD + 2 * LOOK)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', ['square', 'ball'])
+def test_a_table_is_detected_on_an_elastic_skin(kind):
+    """An object of 200 g is lowered at 2 mm/s onto a table, on simulated taxels with noise, hum and dead taxels.
+
+    bench_put_down.py measures more touches.
+    """
+    hand = Hand(generator(Purpose.TEST, 5_200), kind, make_recogniser())
+    descent = Descent(weight=0.2, speed=0.002, met=3.0, pushes=True)
+    rules = PutDown(0.0, TIMEOUT, MAX_AGE)
+    ended = next((reading.acquired, outcome) for reading in hand.see(descent.path, 6.0)
+                 if (outcome := rules.look(reading.acquired, reading, is_resting=True)) is not None)
+    assert ended[1] is PutDownOutcome.SOMETHING_TOUCHES
+    assert descent.met < ended[0] <= descent.met + descent.most / (STIFFNESS * descent.speed)
