@@ -1,10 +1,10 @@
-"""Serve the action `~/put_down`, which watches a held object while an arm lowers it."""
+"""Carry out the goals of the action `~/put_down`, which watches a held object while an arm lowers it."""
 
 import logging
 import time
 from collections.abc import Callable
+from typing import Protocol, TypeAlias
 
-from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -15,9 +15,6 @@ from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.gripper.messages import held_reading
 from tactile_node.gripper.rules.control import TouchControl
 from tactile_node.gripper.rules.put_down import NOTHING_READ, PutDown, PutDownOutcome, Sign
-from tactile_node.nodes.grasp_requests import allow_feedback
-from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.ros.grasp_checks import check_grasp_sides
 from tactile_node.ros.grasp_messages import timeout_of
 from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.rosout_handler import of_node
@@ -25,20 +22,34 @@ from tactile_skin import action
 from tactile_skin.msg import GraspSides
 
 LOOK_PERIOD = 0.01  #: Time between two looks at the pads [s].
-RESULT_TIMEOUT = 2  #: Time for which the server keeps a result that the client has not yet requested [s].
 
 logger = logging.getLogger(__name__)
 
 
-class PutDownServer:
-    """Serves the action `~/put_down` with one goal at a time. It sends no command to the gripper.
+class SidesInput(Protocol):
+    """A subscription to the results of both pads."""
 
-    While a goal is in progress, the server subscribes to the results of both pads, and the hold corrects nothing.
+    topic: str
+
+    def destroy(self) -> None:
+        """End the subscription."""
+
+
+#: Subscribes to the results of both pads with a callback.
+Listen: TypeAlias = Callable[[Callable[[GraspSides], None]], SidesInput]
+
+
+class PutDownWatch:
+    """Carries out one goal of the action `~/put_down` at a time. It sends no command to the gripper.
+
+    While a goal is in progress, the watch listens to the results of both pads, and the hold corrects nothing.
 
     Parameters
     ----------
     node : Node
         Node that offers the action.
+    listen : callable
+        Function that subscribes to the results of both pads. Without a goal, the grasp node need not publish them.
     control : TouchControl
         Rules that carry out the goals of the gripper.
     duplicates : DuplicateWatch
@@ -49,27 +60,23 @@ class PutDownServer:
         Steady clock for ages and timeouts [s].
     """
 
-    def __init__(self, node: Node, control: TouchControl, duplicates: DuplicateWatch, settings: GripperSettings, *,
-                 steady: Callable[[], float] = time.monotonic):
-        self._node, self._control, self._duplicates = node, control, duplicates
+    def __init__(self, node: Node, listen: Listen, control: TouchControl, duplicates: DuplicateWatch,
+                 settings: GripperSettings, *, steady: Callable[[], float] = time.monotonic):
+        self._node, self._listen, self._control, self._duplicates = node, listen, control, duplicates
         self._settings, self._steady = settings, steady
         self._goal: _Goal | None = None
-        self._server = ActionServer(
-            node, action.PutDown, '~/put_down', execute_callback=lambda handle: action.PutDown.Result(),
-            handle_accepted_callback=self._on_accepted, cancel_callback=lambda handle: CancelResponse.ACCEPT,
-            result_timeout=RESULT_TIMEOUT)
         # The timer uses the steady clock, because with use_sim_time and no /clock, a goal would never time out.
         self._timer = node.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
 
     def destroy(self) -> None:
-        """Stop the server without a reply. A client notices that the feedback ceases."""
+        """End the watch without a reply. A client notices that the feedback ceases."""
         self._timer.cancel()
         if self._goal is not None:
             self._goal.destroy()
-        self._server.destroy()
 
-    def _on_accepted(self, handle: ServerGoalHandle) -> None:
+    def accept(self, handle: ServerGoalHandle) -> None:
+        """Carry out a goal, or refuse it."""
         try:
             timeout = timeout_of(handle.request.timeout)
         except RefusedRequirementError as error:
@@ -77,9 +84,8 @@ class PutDownServer:
             return
         if self._goal is not None:
             self._end(self._goal, PutDownOutcome.REPLACED)
-        allow_feedback(handle)
         rules = PutDown(self._steady(), timeout, self._settings.max_age)
-        self._goal = _Goal(self._node, handle, rules, self._settings, self._steady)
+        self._goal = _Goal(self._node, handle, rules, self._listen, self._steady)
         self._control.suspends_hold = True
         self._timer.reset()
 
@@ -124,14 +130,13 @@ class PutDownServer:
 class _Goal:
     """A goal in progress, with the latest reading of the pads."""
 
-    def __init__(self, node: Node, handle: ServerGoalHandle, rules: PutDown, settings: GripperSettings,
+    def __init__(self, node: Node, handle: ServerGoalHandle, rules: PutDown, listen: Listen,
                  steady: Callable[[], float]):
         self.handle, self.rules = handle, rules
         self.reading = NOTHING_READ
         self._node, self._ages = node, InputAge(steady=steady)
         self.told = 0  # number of frames that had been used at the latest feedback
-        self._sides = GuardedSubscription(node, GraspSides, 'grasp_sides', self._on_sides, settings.input_qos,
-                                          check=check_grasp_sides, newest_only=True, steady=steady)
+        self._sides = listen(self._on_sides)
 
     def destroy(self) -> None:
         self._sides.destroy()
