@@ -169,10 +169,10 @@ def held_reading(message: GraspSides, acquired: float) -> HeldReading:
     acquired
         Acquisition time of the older result, on the steady clock [s].
     """
-    left, right = (SideState(each) for each in message.side_states)
-    contacts = [_held_contact(side) for side in message.sides]
-    pads = None if None in contacts else (contacts[0], contacts[1])
-    return HeldReading(acquired, GraspContact.of((left, right)), pads,
+    states = SideState(message.side_states[0]), SideState(message.side_states[1])
+    left, right = (_held_contact(side) for side in message.sides)
+    pads = None if left is None or right is None else (left, right)
+    return HeldReading(acquired, GraspContact.of(states), pads,
                        (message.sides[0].sequence, message.sides[1].sequence))
 
 
