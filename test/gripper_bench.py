@@ -167,6 +167,12 @@ class Client:
         self._bench.until(lambda: sent.handle is not None)
         return sent
 
+    def put_down(self, timeout):
+        """Send a goal to put down the object, and return it once it has been accepted."""
+        sent = self._client.put_down(timeout)
+        self._bench.until(lambda: sent.handle is not None)
+        return sent
+
     def result(self, sent):
         """Return the status, the state and the outcome of a goal."""
         self._bench.until(lambda: sent.ending is not None)

@@ -327,3 +327,22 @@ def test_unseen_time_does_not_count_as_a_slide():
         slides = (1.0, math.nan) if 1.0 <= now < 1.05 or 1.55 <= now < 1.6 else (math.nan, math.nan)
         return touch._replace(slides=slides, fresh=not 1.05 <= now < 1.55)
     assert answered_to(blind_in_between) == FORCE
+
+
+def test_a_suspended_hold_corrects_nothing_and_answers_no_slide():
+    """While something may touch the object, a correction would look like a touch."""
+    spring, control = Spring(give=lambda now: 0.0015 * (now > 1)), holding(slide_force_step=0.3)
+    spring.change = lambda touch, now: touch._replace(slides=(math.nan, 1.0))
+    control.is_suspended = True
+    assert spring.hold(4.0, control) is None
+    assert not spring.corrections and control.force == FORCE and spring.forces[-1] == pytest.approx(3.5)
+    control.is_suspended = False
+    assert spring.hold(0.3, control) is None and control.force == FORCE  # the slide counts from now on
+    assert spring.hold(3.0, control) is None and control.force > FORCE
+    assert 'closes' in spring.corrections
+
+
+def test_a_suspended_hold_still_ends_with_a_lost_object():
+    spring, control = Spring(give=lambda now: 0.02 * (now > 1)), holding()
+    control.is_suspended = True
+    assert spring.hold(4.0, control) is Outcome.LOST

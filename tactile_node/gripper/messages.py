@@ -7,9 +7,11 @@ import math
 from typing import Any, NamedTuple
 
 from tactile_node.errors import ConfigurationError, RefusedGoalError
-from tactile_node.grasp.tracker import GraspContact
+from tactile_node.grasp.tracker import GraspContact, SideState
 from tactile_node.gripper.rules.closing import ForceReading, TouchReading
-from tactile_skin.msg import Grasp
+from tactile_node.gripper.rules.put_down import HeldContact, HeldReading
+from tactile_node.ros.grasp_messages import contact_pitch
+from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
 INTERFACES = PARALLEL, SINGLE = 'ParallelGripperCommand', 'GripperCommand'
 
@@ -155,3 +157,32 @@ def touch_of(grasp: Grasp, acquired: float) -> TouchReading:
     slides = [each.direction if each.moving & each.SLIDING else math.nan for each in grasp.motions]
     return TouchReading(acquired, grasp.fresh, GraspContact(grasp.contact), (pads[0], pads[1]),
                         force_sd=2 * grasp.grip_force_sd, slides=(slides[0], slides[1]))
+
+
+def held_reading(message: GraspSides, acquired: float) -> HeldReading:
+    """Return the readings of both pads that a put-down needs.
+
+    Parameters
+    ----------
+    message
+        Results of both pads.
+    acquired
+        Acquisition time of the older result, on the steady clock [s].
+    """
+    states = SideState(message.side_states[0]), SideState(message.side_states[1])
+    left, right = (_held_contact(side) for side in message.sides)
+    pads = None if left is None or right is None else (left, right)
+    return HeldReading(acquired, GraspContact.of(states), pads,
+                       (message.sides[0].sequence, message.sides[1].sequence))
+
+
+def _held_contact(side: ContactShape) -> HeldContact | None:
+    """Return the contact of a pad, or None if the pad has no contact or several, or if CAN frames were lost."""
+    place = side.centre_of_pressure
+    if side.contacts != 1 or side.missing_can_frames or not (math.isfinite(place.x) and math.isfinite(place.y)):
+        return None
+    contact = HeldContact((place.x, place.y), side.pad_force, contact_pitch(side))
+    if not side.fit_valid:
+        return contact
+    turn = side.pose.pose.orientation
+    return contact._replace(outline=side.class_name, angle=2 * math.atan2(turn.z, turn.w), symmetry=side.symmetry)

@@ -14,6 +14,9 @@ from rclpy.node import Node
 from unique_identifier_msgs.msg import UUID
 
 from tactile_node.gripper.messages import PARALLEL, GoalValues, GripperState, gripper_interface
+from tactile_node.gripper.put_down_goal import PutDownGoal
+from tactile_node.ros.time_messages import duration_message
+from tactile_skin.action import PutDown
 from tactile_skin.msg import GripperOutcome
 
 OUTCOME_WAIT = 1.0  #: time after the result for which the client waits for the outcome before it counts as lost [s]
@@ -91,14 +94,20 @@ class TouchClient:
         self._interface = gripper_interface(action_type, joint)
         # goals to which the caller still has a reference
         self._goals: WeakValueDictionary[bytes, TouchGoal] = WeakValueDictionary()
+        name = action.rpartition('/')[0]
         self._client = ActionClient(node, self._interface.action, action)
-        self._outcomes = node.create_subscription(GripperOutcome, f'{action.rpartition("/")[0]}/outcome',
-                                                  self._on_outcome, 10)
+        self._put_down = ActionClient(node, PutDown, f'{name}/put_down')
+        self._outcomes = node.create_subscription(GripperOutcome, f'{name}/outcome', self._on_outcome, 10)
 
     @property
     def is_ready(self) -> bool:
         """True if the gripper node's action server and outcome topic were discovered."""
         return self._client.server_is_ready() and self._node.count_publishers(self._outcomes.topic_name) > 0
+
+    @property
+    def is_ready_to_put_down(self) -> bool:
+        """True if the gripper node's action to put down was discovered."""
+        return self._put_down.server_is_ready()
 
     def send(self, position: float, speed: float = 0.0, effort: float = 0.0, *, goal: Any = None) -> TouchGoal:
         """Send a goal. Keep a reference to the returned object. Otherwise, the client drops the outcome of the goal.
@@ -115,6 +124,21 @@ class TouchClient:
         message = self._interface.goal(GoalValues(position, speed, effort)) if goal is None else goal
         future = self._client.send_goal_async(message, goal_uuid=UUID(uuid=list(goal_id)))
         future.add_done_callback(lambda done: sent._accept(done.result(), self._interface.state))
+        return sent
+
+    def put_down(self, timeout: float) -> PutDownGoal:
+        """Watch the held object until something touches it, and return the goal; see docs/put_down.md.
+
+        Lower the arm only while `PutDownGoal.is_watching` is True. The method sends no command to the gripper.
+
+        Parameters
+        ----------
+        timeout
+            Time after which the goal ends without a touch [s].
+        """
+        sent = PutDownGoal(self._steady)
+        goal = PutDown.Goal(timeout=duration_message(timeout))
+        self._put_down.send_goal_async(goal, sent.on_feedback).add_done_callback(sent.on_answer)
         return sent
 
     def wait(self, goal: TouchGoal, timeout: float) -> TouchEnding:
@@ -149,6 +173,7 @@ class TouchClient:
 
     def destroy(self) -> None:
         self._client.destroy()
+        self._put_down.destroy()
         self._node.destroy_subscription(self._outcomes)
 
     def _on_outcome(self, outcome: GripperOutcome) -> None:

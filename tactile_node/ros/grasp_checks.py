@@ -8,21 +8,19 @@ from tactile_node.ros.message_checks import (
     PROBABILITY_TOLERANCE,
     SHAPE_NUMBERS_KNOWN,
     RejectReason,
+    check_contact_shape,
     check_times,
     is_named,
 )
 from tactile_node.ros.motion_messages import check_motion
 from tactile_node.skin.taxel_array import check_duration, check_finite
-from tactile_skin.msg import ContactShape, Grasp
+from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
 ROUNDING = 1e-9  #: rounding tolerance for sums of numbers that are about 1
 
 
 def check_grasp(message: Grasp) -> RejectReason | None:
-    """Check the states of both pads, the line between the contacts, the object and the forces.
-
-    To check a message of `grasp_sides`, apply `check_contact_shape` to each side that has a result.
-    """
+    """Check the states of both pads, the line between the contacts, the object and the forces."""
     return (_grasp_codes(message)
             or _grasp_states(message)
             or _line(message)
@@ -35,6 +33,15 @@ def check_grasp(message: Grasp) -> RejectReason | None:
             or check_times(message)
             or check_duration(message.held)
             or check_duration(message.gap_age))
+
+
+def check_grasp_sides(message: GraspSides) -> RejectReason | None:
+    """Check the states, the times, and each result that a pad has produced."""
+    if max(message.side_states) > Grasp.SIDE_TOUCHED:
+        return RejectReason.UNKNOWN_CODE
+    reasons = [check_contact_shape(side) for state, side in zip(message.side_states, message.sides)
+               if state != Grasp.SIDE_NOT_KNOWN]
+    return next(filter(None, reasons), None) or check_times(message)
 
 
 def _grasp_codes(message: Grasp) -> RejectReason | None:

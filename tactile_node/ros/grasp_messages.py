@@ -73,16 +73,16 @@ def _of_fit(message: ContactShape) -> tuple[float, bool]:
     """Return the resolution of the fitted centre [m], and True if the fit describes only the visible part."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else FIT_RESOLUTION
     uncertain = 2 * max(message.standard_deviations[:2], default=0.0)
-    return max(of_values * _pitch(message), uncertain), message.size_is_bound
+    return max(of_values * contact_pitch(message), uncertain), message.size_is_bound
 
 
 def _of_pressure(message: ContactShape) -> tuple[float, bool]:
     """Return the resolution of the centre of pressure [m], and True if hidden or saturated taxels may shift it."""
     of_values = PATTERN_RESOLUTION if math.isnan(message.force) else PRESSURE_RESOLUTION
-    return of_values * _pitch(message), message.centre_of_pressure_is_bound
+    return of_values * contact_pitch(message), message.centre_of_pressure_is_bound
 
 
-def _pitch(message: ContactShape) -> float:
+def contact_pitch(message: ContactShape) -> float:
     """Return the pitch of the pad [m], or 0 if there is no contact."""
     return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
 

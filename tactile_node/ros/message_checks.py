@@ -32,7 +32,7 @@ from tactile_node.skin.taxel_array import (
 )
 from tactile_node.skin.taxel_array import check_taxel_array as check_taxel_array
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_skin.msg import Contact, ContactShape, Grasp
+from tactile_skin.msg import Contact, ContactShape, Grasp, GraspSides
 
 MAX_CLASSES = 1000  #: maximum number of classes in one message, far more than this package defines
 PROBABILITY_TOLERANCE = 1e-3  #: rounding tolerance for probabilities, which are float32
@@ -181,5 +181,5 @@ def _fit(message: ContactShape) -> RejectReason | None:
     return check_finite(place.x, place.y, direction.x, direction.y, direction.z, direction.w, *message.dimensions)
 
 
-def check_times(message: Contact | ContactShape | Grasp) -> RejectReason | None:
+def check_times(message: Contact | ContactShape | Grasp | GraspSides) -> RejectReason | None:
     return check_time(message.header.stamp) or check_duration(message.age)

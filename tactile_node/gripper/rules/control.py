@@ -141,6 +141,8 @@ class TouchControl:
         Latest readings of the pads.
     last : Outcome or None
         Outcome of the latest goal or hold.
+    suspends_hold : bool
+        True while no hold may begin a correction, because it would look like a touch of the held object.
     """
 
     def __init__(self, settings: TouchSettings, action: GripperAction, duplicates: Duplicates,
@@ -153,6 +155,7 @@ class TouchControl:
                                  stay=lambda: math.nan if self._cancels else self.opening)
         self.touch = NO_TOUCH
         self.last: Outcome | None = None
+        self.suspends_hold = False
         self._run: _Run | None = None
         self._gap = math.nan  # last measured opening [m]
         self._gap_measured = -math.inf  # time of the last measured opening [s]
@@ -161,6 +164,11 @@ class TouchControl:
     def work(self) -> str:
         """Current activity: 'none', 'goal' or 'hold'."""
         return 'none' if self._run is None else 'hold' if self._run.is_hold else 'goal'
+
+    @property
+    def is_resting(self) -> bool:
+        """True if neither a goal nor a correction of the hold moves the gripper."""
+        return self._run is None or (self._run.is_hold and not self._run.speed)
 
     @property
     def goal_handle(self) -> Any:
@@ -301,6 +309,8 @@ class TouchControl:
         failure = self.commands.failure() if run.speed else None
         if failure is not None:
             return failure
+        if isinstance(run.task, Holding):
+            run.task.is_suspended = self.suspends_hold
         stop = run.task.look(self._steady(), self.touch, self.opening, is_still=self._is_stopped(run))
         result = self.commands.result if run.speed else None
         if result is None or stop in SUCCESSES:

@@ -49,6 +49,8 @@ class Holding:
         self.target = opening    #: opening to which the gripper moves [m]
         self.speed = 0.0         #: speed of the movement to ``target`` [m/s]; 0 while the gripper rests
         self.eases = False       #: True if the current or latest correction opens the gripper
+        #: True if no correction may begin, because it would look like a touch of the object (put_down.py)
+        self.is_suspended = False
         self._slow = goal.slow_speed(limits)
         self._rested = self._known = self._held = now
         self._begun, self._begun_opening = now, opening  # start of the current correction
@@ -81,17 +83,22 @@ class Holding:
         is_seen = touch.is_current(now, self._limits.max_age)
         if is_seen:
             self._follow(now, touch)
-        else:
-            self._slides = math.nan, math.nan  # a slide may have ended unseen
+        if self.is_suspended or not is_seen:
+            self._slides = math.nan, math.nan  # a slide may have ended unseen, and a suspended hold answers to none
         is_trusted = is_seen and touch.has_force and touch.contact is GraspContact.TWO_SIDED
         end = self._why_end(now, touch, opening, is_seen)
         if end is not None or not is_trusted or (self.speed and self._is_corrected(touch, is_still)):
             self._rest(now, opening)
         elif not self.speed and not is_still:
             self._rested = now
-        elif not self.speed and touch.is_whole and touch.acquired >= self._rested + self._limits.latency:
+        elif not self.speed and self._may_correct(touch):
             self._correct(now, touch, opening)
         return end
+
+    def _may_correct(self, touch: TouchReading) -> bool:
+        """Return True if the readings are newer than the effects of the latest movement."""
+        is_settled = touch.acquired >= self._rested + self._limits.latency
+        return is_settled and touch.is_whole and not self.is_suspended
 
     def _follow(self, now: float, touch: TouchReading) -> None:
         if touch.has_force:

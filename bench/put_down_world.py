@@ -1,0 +1,78 @@
+"""Simulate an object that is put down on a table, as two pads of an elastic skin read it, for bench_put_down.py.
+
+The arm lowers the object at a constant speed. Before the contact, the pads carry the weight of the object. After the
+contact, the load along the pads falls with the way of the hand, because the pads, the fingers and the arm yield. The
+load then rises in the other direction, until the object slips in the hand.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from event_world import PITCH, QUIET, RATE, Path, Scene, random_skin
+
+from tactile_node.grasp.tracker import GraspContact
+from tactile_node.gripper.rules.put_down import HeldContact, HeldReading
+from tactile_node.pose.pipeline import ContactPipeline, Taxels
+from tactile_node.shape.methods import VisibilityGuard
+
+FRICTION = 0.5      #: Load along a pad at which the object slips [normal force].
+STIFFNESS = 5000.0  #: Force on the table per way of the hand: skins, fingers and arm together [N/m].
+GRIP = 5.0          #: Normal force of each pad [N].
+
+
+class Descent(NamedTuple):
+    """An object that is lowered onto a table."""
+
+    weight: float  #: weight on each pad [normal force]
+    speed: float   #: speed of the hand [m/s]
+    met: float     #: time at which the object meets the table [s]
+    pushes: bool   #: False if the hand stops once the table carries the whole weight
+
+    @property
+    def most(self) -> float:
+        """Largest force on the table [N]."""
+        return 2 * GRIP * (self.weight + FRICTION * self.pushes)
+
+    def pressed(self, time: float) -> float:
+        """Return the force on the table at ``time`` [N], if nobody stops the hand."""
+        return min(STIFFNESS * self.speed * max(0.0, time - self.met), self.most)
+
+    def path(self, time: float) -> dict[str, float]:
+        """Return the load [normal force], and the way by which the object has slipped [pitches]."""
+        load = self.weight - self.pressed(time) / (2 * GRIP)
+        slips_from = self.met + self.most / (STIFFNESS * self.speed)
+        slipped = self.pushes * max(0.0, time - slips_from) * self.speed
+        return {'load': load, 'dx': -slipped / PITCH}
+
+
+class Hand:
+    """Two pads with independent noise that hold one kind of object.
+
+    Without ``has_fit``, no outline is fitted, so that no angle is known.
+    """
+
+    def __init__(self, rng: np.random.Generator, kind: str, recogniser: VisibilityGuard, *, has_fit: bool = False):
+        skin = random_skin(rng)
+        self._scenes = [Scene(rng, kind, skin=skin) for _ in range(2)]
+        self._pipelines = [ContactPipeline(recogniser) for _ in range(2)]
+        self._has_fit = has_fit
+
+    def see(self, path: Path, seconds: float) -> Iterator[HeldReading]:
+        """Yield the readings while the load and the place change along ``path``."""
+        for number in range(round(seconds * RATE)):
+            time = number / RATE
+            left, right = (self._contact(scene, pipeline, path(time), time)
+                           for scene, pipeline in zip(self._scenes, self._pipelines))
+            yield HeldReading(time, GraspContact.TWO_SIDED, (left, right), (number + 1, number + 1))
+
+    def _contact(self, scene: Scene, pipeline: ContactPipeline, place: dict[str, float], time: float) -> HeldContact:
+        way = place.get('dx', 0.0)
+        place = QUIET | place | {'dx': way * np.cos(scene.direction), 'dy': way * np.sin(scene.direction)}
+        found = pipeline.find(scene.values(time, **place), Taxels(PITCH, 'Pa'))
+        moments = found.moments
+        contact = HeldContact(moments.centre_of_pressure, moments.force, PITCH)
+        fit = pipeline.recognise(found, time).fit if self._has_fit else None
+        if fit is None:
+            return contact
+        return contact._replace(outline=fit.shape.value, angle=fit.angle, symmetry=fit.symmetry)

@@ -1,0 +1,152 @@
+"""Carry out the goals of the action `~/put_down`, which watches a held object while an arm lowers it."""
+
+import logging
+import time
+from collections.abc import Callable
+from typing import Protocol, TypeAlias
+
+from rclpy.action.server import ServerGoalHandle
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from tactile_node.errors import RefusedRequirementError
+from tactile_node.gripper.duplicate_watch import DuplicateWatch
+from tactile_node.gripper.gripper_settings import GripperSettings
+from tactile_node.gripper.messages import held_reading
+from tactile_node.gripper.rules.control import TouchControl
+from tactile_node.gripper.rules.put_down import NOTHING_READ, PutDown, PutDownOutcome, Sign
+from tactile_node.ros.grasp_messages import timeout_of
+from tactile_node.ros.message_age import InputAge
+from tactile_node.ros.rosout_handler import of_node
+from tactile_skin import action
+from tactile_skin.msg import GraspSides
+
+LOOK_PERIOD = 0.01  #: Time between two looks at the pads [s].
+
+logger = logging.getLogger(__name__)
+
+
+class SidesInput(Protocol):
+    """A subscription to the results of both pads."""
+
+    topic: str
+
+    def destroy(self) -> None:
+        """End the subscription."""
+
+
+#: Subscribes to the results of both pads with a callback.
+Listen: TypeAlias = Callable[[Callable[[GraspSides], None]], SidesInput]
+
+
+class PutDownWatch:
+    """Carries out one goal of the action `~/put_down` at a time. It sends no command to the gripper.
+
+    While a goal is in progress, the watch listens to the results of both pads, and the hold corrects nothing.
+
+    Parameters
+    ----------
+    node : Node
+        Node that offers the action.
+    listen : callable
+        Function that subscribes to the results of both pads. Without a goal, the grasp node need not publish them.
+    control : TouchControl
+        Rules that carry out the goals of the gripper.
+    duplicates : DuplicateWatch
+        Other processes that command the same gripper.
+    settings : GripperSettings
+        Parameters of the node.
+    steady : callable
+        Steady clock for ages and timeouts [s].
+    """
+
+    def __init__(self, node: Node, listen: Listen, control: TouchControl, duplicates: DuplicateWatch,
+                 settings: GripperSettings, *, steady: Callable[[], float] = time.monotonic):
+        self._node, self._listen, self._control, self._duplicates = node, listen, control, duplicates
+        self._settings, self._steady = settings, steady
+        self._goal: _Goal | None = None
+        # The timer uses the steady clock, because with use_sim_time and no /clock, a goal would never time out.
+        self._timer = node.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer.cancel()
+
+    def destroy(self) -> None:
+        """End the watch without a reply. A client notices that the feedback ceases."""
+        self._timer.cancel()
+        if self._goal is not None:
+            self._goal.destroy()
+
+    def accept(self, handle: ServerGoalHandle) -> None:
+        """Carry out a goal, or refuse it."""
+        try:
+            timeout = timeout_of(handle.request.timeout)
+        except RefusedRequirementError as error:
+            self._reply(handle, PutDownOutcome.REFUSED, str(error))
+            return
+        if self._goal is not None:
+            self._end(self._goal, PutDownOutcome.REPLACED)
+        rules = PutDown(self._steady(), timeout, self._settings.max_age)
+        self._goal = _Goal(self._node, handle, rules, self._listen, self._steady)
+        self._control.suspends_hold = True
+        self._timer.reset()
+
+    def _look(self) -> None:
+        goal = self._goal
+        if goal is None:
+            return
+        outcome = self._outcome(goal)
+        if outcome is not None:
+            self._end(goal, outcome)
+        elif goal.rules.used > goal.told:
+            goal.publish_feedback()
+
+    def _outcome(self, goal: '_Goal') -> PutDownOutcome | None:
+        if goal.handle.is_cancel_requested:
+            return PutDownOutcome.CANCELED
+        if self._duplicates.text:
+            goal.rules.reason = self._duplicates.text
+            return PutDownOutcome.DUPLICATE
+        return goal.rules.look(self._steady(), goal.reading, is_resting=self._control.is_resting)
+
+    def _end(self, goal: '_Goal', outcome: PutDownOutcome) -> None:
+        goal.destroy()
+        self._goal, self._control.suspends_hold = None, False
+        self._timer.cancel()
+        rules = goal.rules
+        self._reply(goal.handle, outcome, rules.reason, rules.touch.signs, rules.touch.deviations)
+
+    def _reply(self, handle: ServerGoalHandle, outcome: PutDownOutcome, reason: str, signs: Sign = Sign.NONE,
+               deviations: float = 0.0) -> None:
+        text = f'{outcome.name}: {reason}' if reason else outcome.name
+        logger.info('put-down ended: %s', text, extra=of_node(self._node))
+        result = action.PutDown.Result(message=text, outcome=int(outcome), signs=int(signs), deviations=deviations)
+
+        def execute(handle: ServerGoalHandle) -> action.PutDown.Result:
+            end = handle.succeed if outcome is PutDownOutcome.SOMETHING_TOUCHES else handle.abort
+            (handle.canceled if outcome is PutDownOutcome.CANCELED else end)()
+            return result
+        handle.execute(execute)
+
+
+class _Goal:
+    """A goal in progress, with the latest reading of the pads."""
+
+    def __init__(self, node: Node, handle: ServerGoalHandle, rules: PutDown, listen: Listen,
+                 steady: Callable[[], float]):
+        self.handle, self.rules = handle, rules
+        self.reading = NOTHING_READ
+        self._node, self._ages = node, InputAge(steady=steady)
+        self.told = 0  # number of frames that had been used at the latest feedback
+        self._sides = listen(self._on_sides)
+
+    def destroy(self) -> None:
+        self._sides.destroy()
+
+    def publish_feedback(self) -> None:
+        """Publish feedback for the latest frame. Without a new usable frame, no feedback is due."""
+        self.told = self.rules.used
+        self.handle.publish_feedback(action.PutDown.Feedback(watching=self.rules.is_watching))
+
+    def _on_sides(self, sides: GraspSides) -> None:
+        arrival = self._ages.arrived(sides)
+        is_only_one = self._node.count_publishers(self._sides.topic) <= 1  # either of two publishers may be wrong
+        self.reading = held_reading(sides, arrival.acquired) if is_only_one else NOTHING_READ
