@@ -191,8 +191,13 @@ PARTS = {
     Mistake.OTHER_JOINT: 'stops', Mistake.WEIGHT_MISSING: 'weight', Mistake.PULLED_OUT: 'proof'}
 
 
+#: Mistakes whose part takes many seconds to compute.
+LONG_PARTS = Mistake.BLOCK_SLID, Mistake.PULLED_OUT
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize('mistake', PARTS, ids=lambda mistake: mistake.value)
+@pytest.mark.parametrize('mistake', [pytest.param(mistake, marks=pytest.mark.long if mistake in LONG_PARTS else ())
+                                     for mistake in PARTS], ids=lambda mistake: mistake.value)
 def test_a_mistake_is_explained_and_only_its_part_is_repeated(finished, tmp_path, mistake):
     record = without(finished[2], tmp_path, PARTS[mistake])
     desk, plan = desk_of([mistake])

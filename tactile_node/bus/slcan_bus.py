@@ -8,12 +8,14 @@ time. python-can also decodes parts of damaged lines. This module accepts a line
 import os
 import time
 from collections import deque
+from contextlib import suppress
 from math import inf
 from typing import Any
 
 import can
 from can.interfaces.slcan import slcanBus
 from can.util import CAN_FD_DLC
+from serial import SerialException
 
 from tactile_node.bus.reception import Batch
 
@@ -113,7 +115,10 @@ class BulkSlcanBus(slcanBus):
         self._write('V')
         end = time.monotonic() + WAKE_TIMEOUT
         while not self._buffer and time.monotonic() < end:
-            self._buffer += self.serialPortOrig.read(1)
+            # A port that was closed just before may report data and return none. If the adapter is gone, the next
+            # command fails.
+            with suppress(SerialException):
+                self._buffer += self.serialPortOrig.read(1)
         return bool(self._buffer)
 
     def recv_all(self, timeout: float) -> Batch:
