@@ -260,8 +260,9 @@ class NoiseFloor:
         noise : np.ndarray
             Standard deviation of each taxel at rest, float (rows, cols), read-only; 0 while it is unknown.
         """
-        self.of_frame = found = resting_of(values[valid])
-        if found.is_known and are_cut_off(values[valid]):
+        seen = values[valid]
+        self.of_frame = found = resting_of(seen)
+        if found.is_known and are_cut_off(seen):
             found = resting_cut_off(values, valid)
             if found.is_known:
                 self.of_frame = found

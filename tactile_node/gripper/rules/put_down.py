@@ -20,7 +20,6 @@ from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from scipy import stats
 
 from tactile_node.grasp.tracker import SIDES, GraspContact
 from tactile_node.gripper.rules.closing import LOST_AFTER
@@ -330,7 +329,8 @@ def _middle(values: np.ndarray) -> np.ndarray:
 
     A median would jump if a quantity jumps back and forth between two values, as the centre of a small contact does.
     """
-    mean: np.ndarray = stats.trim_mean(values, TRIMMED)
+    left_out = int(TRIMMED * len(values))
+    mean: np.ndarray = np.sort(values, axis=0)[left_out:len(values) - left_out].mean(axis=0)
     return mean
 
 
