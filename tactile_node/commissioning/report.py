@@ -4,17 +4,12 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.measurement import Measurement
 from tactile_node.commissioning.parameter_file import MeasuredParameters
 from tactile_node.output_file import output_file
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FORCES = 1.0, 2.0, 5.0, 10.0  #: Overshoots for which the page gives the fastest speed [N].
 
@@ -66,24 +61,6 @@ def report_data(found: Evaluation, parameters: MeasuredParameters, about: Mappin
                               'verdict': each.verdict.value, 'reason': each.reason} for each in found.measurements],
             'fastest_speeds': [{'overshoot': force, 'speed': _number(found.allowed_speed(force))} for force in FORCES],
             'parameters': parameters.nodes, 'absent': parameters.absent}
-
-
-def law_picture(found: Evaluation) -> 'Figure | None':
-    """Return a figure of the opening law with the blocks, or None if the law is not known."""
-    from matplotlib.figure import Figure  # matplotlib is optional and slow to import
-
-    if found.law is None:
-        return None
-    figure = Figure(figsize=(5, 4), layout='constrained')
-    axes = figure.subplots()
-    readings = np.linspace(*found.law.readings, 100)
-    axes.plot(readings, [1e3 * found.law.law.gap(reading) for reading in readings], label='law')
-    axes.plot([grip.onset.value for grip in found.grips], [1e3 * grip.width for grip in found.grips], 'o',
-              label='blocks')
-    axes.set_xlabel('position of the joint')
-    axes.set_ylabel('opening [mm]')
-    axes.legend()
-    return figure
 
 
 def _written(each: Measurement) -> str:
