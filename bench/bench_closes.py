@@ -106,8 +106,8 @@ def closes(form: str, number: int, rate: float) -> tuple[Counter[str], Counter[s
             return busy_seconds() - cpu_seconds([skin, *chain, *gripper]) - time.process_time()
         begun, before = time.monotonic(), used()
         for _ in range(number):
-            client.wait(client.send(PARAMETERS['widest']), GOAL_TIMEOUT)
-            outcome = client.wait(client.send(0.0, effort=EFFORT), GOAL_TIMEOUT).outcome
+            client.wait(client.send(PARAMETERS['widest']), GOAL_TIMEOUT, spin=True)
+            outcome = client.wait(client.send(0.0, effort=EFFORT), GOAL_TIMEOUT, spin=True).outcome
             ending = Outcome(outcome.outcome) if outcome is not None else Outcome.NOT_KNOWN
             counts[ending.name] += 1
             if ending is not Outcome.REACHED:

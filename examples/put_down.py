@@ -80,5 +80,5 @@ def put_down(client: TouchClient, node: Node, arm: Arm, highest_table: float,
         rclpy.spin_once(node, timeout_sec=PERIOD)
         witness.look()
     if witness.agrees():
-        client.wait(client.send(position=WIDEST), TIMEOUT)
+        client.wait(client.send(position=WIDEST), TIMEOUT, spin=True)
     return goal.result

@@ -51,7 +51,7 @@ class World:
     def send(self, position):
         self.openings.append(position)
 
-    def wait(self, goal, timeout):
+    def wait(self, goal, timeout, spin=False):
         pass
 
     def spin_once(self, node, timeout_sec):

@@ -111,18 +111,34 @@ def test_a_program_without_an_executor_waits_as_well(ros, is_spun):
     ros.callback(client.destroy)
     with spinning([gripper, planner] if is_spun else [gripper]):
         goal = client.send(position=0.0)
-        ending = client.wait(goal, 60.0)
+        ending = client.wait(goal, 60.0, spin=not is_spun)
         assert (ending.status, ending.outcome.outcome) == (GoalStatus.STATUS_ABORTED, Outcome.NOT_SEEN)
 
 
-def test_the_wait_is_bounded(ros):
+@pytest.mark.parametrize('spin', [True, False])
+def test_the_wait_is_bounded(ros, spin):
     import rclpy
     planner = rclpy.create_node('planner')
     ros.callback(planner.destroy_node)
     client = TouchClient(planner)
     ros.callback(client.destroy)
-    with pytest.raises(TimeoutError, match='touch_gripper'):
-        client.wait(client.send(position=0.0), 0.2)
+    with pytest.raises(TimeoutError, match='touch_gripper/gripper_cmd: the goal has not ended') as raised:
+        client.wait(client.send(position=0.0), 0.2, spin=spin)
+    assert ('spin=True' in str(raised.value)) is not spin
+
+
+def test_waiting_leaves_the_node_to_its_executor(ros):
+    """If the client also spun the node, rclpy would take the node away from its executor, and one of the two fails."""
+    import rclpy
+    planner = rclpy.create_node('planner')
+    ros.callback(planner.destroy_node)
+    client = TouchClient(planner)
+    ros.callback(client.destroy)
+    with spinning([planner]):
+        executor = planner.executor
+        with pytest.raises(TimeoutError):
+            client.wait(client.send(position=0.0), 0.2)
+        assert planner.executor is executor
 
 
 def test_two_clients_each_get_their_own(ros):

@@ -141,10 +141,8 @@ class TouchClient:
         self._put_down.send_goal_async(goal, sent.on_feedback).add_done_callback(sent.on_answer)
         return sent
 
-    def wait(self, goal: TouchGoal, timeout: float) -> TouchEnding:
+    def wait(self, goal: TouchGoal, timeout: float, *, spin: bool = False) -> TouchEnding:
         """Wait until a goal ends, and return how it ended.
-
-        The method spins the node unless an executor already spins it.
 
         Do not call this method from a callback of the node; in a callback, read `TouchGoal.ending`. A goal whose server
         has died never ends.
@@ -155,6 +153,9 @@ class TouchClient:
             Goal to wait for.
         timeout
             Maximum waiting time [s].
+        spin
+            True if this method has to spin the client's node, because no executor does. If two executors wait for the
+            same node, rclpy fails.
 
         Raises
         ------
@@ -164,8 +165,10 @@ class TouchClient:
         end = self._steady() + timeout
         while (ending := goal.ending) is None:
             if self._steady() > end:
-                raise TimeoutError(f'{self._action}: the goal has not ended within {timeout:g} s')
-            if self._node.executor is None or self._node not in self._node.executor.get_nodes():
+                unspun = self._node.executor is None and not spin
+                raise TimeoutError(f'{self._action}: the goal has not ended within {timeout:g} s'
+                                   + (', and no executor spins the node: pass spin=True' if unspun else ''))
+            if spin:
                 rclpy.spin_once(self._node, timeout_sec=LOOK_PERIOD)
             else:
                 time.sleep(LOOK_PERIOD)
