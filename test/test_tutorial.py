@@ -84,16 +84,17 @@ def test_the_force_on_a_simulated_skin_has_a_standard_deviation(bringup, ros):
     """The standard deviation of a taxel is 0.5 % of 100 kPa on 2 mm x 2 mm, and the contacts have 40 to 80 taxels.
 
     Taxels near the press threshold increase the standard deviation of the force. The test therefore waits for ten
-    messages with nearly the expected standard deviation.
+    messages with nearly the expected standard deviation. It does not ask how long the object is held, because `held`
+    begins again whenever a busy machine loses a CAN frame.
     """
     bench, ratios = RosBench(ros), []
     of_taxel = 0.005 * 100e3 * 0.002**2
 
     def take(shape):
-        if shape.fit_valid and shape.held.sec:
+        if shape.fit_valid:
             ratios.append(shape.force_sd / (of_taxel * sqrt(shape.taxels)))
     bench.add('reader').create_subscription(ContactShape, '/pad/shape', take, 10)
-    bench.until(lambda: sum(ratio < 1.5 for ratio in ratios) >= 10)
+    bench.until(lambda: sum(ratio < 1.5 for ratio in ratios) >= 10, failure='no ten such messages')
     assert min(ratios) > 0.7
 
 
