@@ -5,7 +5,7 @@ Run from the checkout: nice python bench/bench_put_down.py [touches taken quiet 
 Each result is appended to the file. A repeated call continues where the file ends, and prints the table of all results.
 
 - touches: the hand lowers an object onto a table, and goes on until the stop.
-- taken: the hand stops by itself once the table carries the whole weight, and never pushes.
+- taken: the hand stops once the table carries the whole weight, and never pushes.
 - quiet: the hand carries objects. No outline is fitted. Each left pad is then paired with each right pad, because the
   noise of both is independent, so that few simulated contacts make many minutes.
 - turning: the same with a fitted outline, so that angles are known.

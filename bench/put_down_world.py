@@ -35,7 +35,7 @@ class Descent(NamedTuple):
         return 2 * GRIP * (self.weight + FRICTION * self.pushes)
 
     def pressed(self, time: float) -> float:
-        """Return the force on the table at ``time`` [N], if nobody stops the hand."""
+        """Return the force on the table at ``time`` [N], if the hand does not stop."""
         return min(STIFFNESS * self.speed * max(0.0, time - self.met), self.most)
 
     def path(self, time: float) -> dict[str, float]:

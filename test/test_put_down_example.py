@@ -126,6 +126,23 @@ def test_the_arm_stops_for_good_if_the_node_is_gone(run):
     assert world.moved_last() < 2 + STOPPED and world.now < 6
 
 
+def test_the_goal_is_cancelled_if_the_arm_fails(run):
+    class Handle:
+        is_cancelled = False
+
+        def cancel_goal_async(self):
+            self.is_cancelled = True
+
+    class FailingWorld(World):
+        def height(self):
+            raise ConnectionError
+    world = FailingWorld(lambda time: False, ends=5.0)
+    world.goal.handle = Handle()
+    with pytest.raises(ConnectionError):
+        run(world)
+    assert world.speeds[-1][1] == 0 and world.goal.handle.is_cancelled
+
+
 def test_the_arm_moves_neither_before_the_first_feedback_nor_low_during_the_baseline(run):
     def baseline(time):
         return None if time < 1 else time >= 3
