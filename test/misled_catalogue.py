@@ -509,7 +509,7 @@ def _sent_late(world: World, stack: ExitStack) -> None:
 
 
 # Time between two frames [s], so that the machine keeps up although it also runs a planner.
-SLOW_PERIOD = 0.04
+SLOW_PERIOD = 0.05
 LOWERED = STOPPED + SLOW_PERIOD + FEEDBACK_LIMIT  # time after which an arm without data must have stopped [s]
 JOINED = 10.0  # time for the start and the discovery of a second gripper node [s]
 LOWERING = (

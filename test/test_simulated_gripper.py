@@ -15,7 +15,7 @@ import pytest
 from rclpy.action import ActionClient
 from ros_bench import RosBench
 
-from bench.planner_world import PITCH, ROWS, STIFFNESS, noisy
+from bench.planner_world import PITCH, ROWS, STIFFNESS
 from examples.simulated_gripper.console import obey
 from examples.simulated_gripper.drive import DELAY, Command
 from examples.simulated_gripper.items import ITEMS
@@ -35,8 +35,6 @@ from examples.simulated_gripper.world import (
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.grasp.gripper import PadPose, Transform
 from tactile_node.pose.events import Moving
-from tactile_node.pose.motion import MotionFollower
-from tactile_node.pose.pipeline import ContactPipeline, Taxels, sight_of
 from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Grasp
 
@@ -187,19 +185,11 @@ def test_a_lift_moves_the_pressure_down_by_the_weight_on_each_pad():
     {*ITEMS} - {'square', 'slippery', 'bottle'}))])  # the slippery block and the heavy bottle slide at this force
 def test_a_lift_and_a_shake_are_no_slide(name):
     """A reported slide lets the hold press harder, and may break the item."""
-    recogniser, random, seen = make_recogniser(), np.random.default_rng(5), Moving.NOT_KNOWN
+    from bench_lifts import STAYED, handled
     world = gripped(name)
-    pads = {side: (ContactPipeline(recogniser), MotionFollower()) for side in SIDES}
-    starts = {side: world.item_in(side).translation for side in SIDES}
-    for begin, seconds in ((lambda: None, 0.6), (lambda: world.move(lift=0.05), 1.2), (lambda: world.shake(1.0), 1.3)):
-        begin()
-        for _ in range(round(seconds / 0.02)):
-            world.step(0.02)
-            for side, (pipeline, follower) in pads.items():
-                found = pipeline.find(noisy(world.pressures(side), random), Taxels(PITCH, 'Pa'))
-                seen |= follower.update(sight_of(pipeline.recognise(found, world.now), world.now)).moving
-    assert max(np.hypot(*(world.item_in(side).translation - starts[side])[:2]) for side in SIDES) < 0.3e-3
-    assert world.outcome is Outcome.HELD and Moving.SHIFTING in seen and Moving.SLIDING not in seen
+    found = handled(world, make_recogniser(), np.random.default_rng(5))
+    assert found.slid < STAYED and world.outcome is Outcome.HELD
+    assert Moving.SHIFTING in found.in_shake and Moving.SLIDING not in found.in_lift | found.in_shake
 
 
 @physics
