@@ -134,8 +134,10 @@ $(BENCH_VENV)/.installed: requirements/bench.txt | setup
 	@$(BENCH_VENV)/bin/python -m pip install --disable-pip-version-check --progress-bar off --quiet -r $<
 	@touch $@
 
+# These benchmarks need further packages.
+OTHER_BENCHES := $(patsubst %,bench/bench_%.py,recognition grasps lifts)
 bench: setup $(BENCH_VENV)/.installed  ## measure speed and accuracy against the alternatives, in one run
-	@for file in $(filter-out bench/bench_recognition.py bench/bench_grasps.py,$(wildcard bench/bench_*.py)); do \
+	@for file in $(filter-out $(OTHER_BENCHES),$(wildcard bench/bench_*.py)); do \
 		$(BIN)/python $$file || exit 1; done
 	@$(BENCH_VENV)/bin/python bench/bench_recognition.py
 

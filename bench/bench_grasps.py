@@ -163,7 +163,9 @@ def _print_numbers(column: str, records: list[dict]) -> None:
         if numbers:
             p50, p95 = np.percentile(numbers, (50, 95))
             print(f'    {name}: median {p50:.2f}, 95 % {p95:.2f}, most {max(numbers):.2f} ({len(numbers)})')
-    for key, words in (('class', [f'{each["item"]} {each["belief"]["class"]}' for each in records if 'belief' in each]),
+    for key, words in (('moved in the lift', [word for each in records for word in each.get('lift', ())]),
+                       ('moved afterwards', [word for each in records for word in each.get('shaken', ())]),
+                       ('class', [f'{each["item"]} {each["belief"]["class"]}' for each in records if 'belief' in each]),
                        ('gave up', [f'{each["item"]} {each["reason"]}' for each in records if 'reason' in each]),
                        ('left out by a busy machine', [each['item'] for each in records if each['left_out'] > 0])):
         counts = {word: words.count(word) for word in sorted(set(words)) if 'NOT_GIVEN_UP' not in word}

@@ -1,11 +1,12 @@
 """Measure which touches a put-down detects, how hard the table is pressed, and how often nothing is called a touch.
 
-Run from the checkout: nice python bench/bench_put_down.py [touches taken quiet shaken turning] --output FILE
+Run from the checkout: nice python bench/bench_put_down.py [touches taken edge quiet shaken turning] --output FILE
 
 Each result is appended to the file. A repeated call continues where the file ends, and prints the table of all results.
 
 - touches: the hand lowers an object onto a table, and goes on until the stop.
-- taken: the hand stops by itself once the table carries the whole weight, and never pushes.
+- taken: the hand stops once the table carries the whole weight, and never pushes.
+- edge: the object meets the edge of a table beside the hand, and turns in the hand. Its outline is fitted.
 - quiet: the hand carries objects. No outline is fitted. Each left pad is then paired with each right pad, because the
   noise of both is independent, so that few simulated contacts make many minutes.
 - turning: the same with a fitted outline, so that angles are known.
@@ -39,6 +40,7 @@ from training.ground_truth.seeds import Purpose, generator
 
 WEIGHTS = (0.05, 0.1, 0.2, 0.3, 0.45)  #: Weights on each pad [normal force]; 0.05 is 50 g at 5 N.
 SPEEDS = (0.002, 0.005, 0.01)          #: Speeds of the hand [m/s].
+LEVERS = (0.01, 0.02, 0.04)            #: Distances of the table's edge from the grip [m].
 MET = 2.0            #: Time at which the object meets the table [s].
 AFTER = 1.5          #: Time for which a touch is simulated after the table carries the largest force [s].
 LATENCY = 0.05       #: Age of a reading when the rules see it [s].
@@ -61,20 +63,22 @@ def ends(readings: Iterable[HeldReading]) -> Iterator[tuple[float, PutDownOutcom
             rules = None
 
 
-def touch(recogniser: VisibilityGuard, number: int, weight: float, speed: float, kind: str, pushes: bool) -> dict:
+def touch(recogniser: VisibilityGuard, number: int, weight: float, speed: float, kind: str, pushes: bool,
+          lever: float = 0.0) -> dict:
     """Return how the first goal of a descent ended."""
-    rng = generator(Purpose.EVALUATION, SEED + 10_000 * pushes + number)
-    descent = Descent(weight, speed, MET, pushes)
-    hand = Hand(rng, kind, recogniser)
+    rng = generator(Purpose.EVALUATION, SEED + 10_000 * pushes + 20_000 * (lever > 0) + number)
+    descent = Descent(weight, speed, MET, pushes, lever)
+    hand = Hand(rng, kind, recogniser, has_fit=lever > 0)
     seconds = MET + descent.most / (STIFFNESS * speed) + AFTER
     found = next(ends(hand.see(descent.path, seconds)), None)
-    result = {'weight': weight, 'speed': speed, 'kind': kind}
+    result = {'weight': weight, 'speed': speed, 'kind': kind, 'lever': lever}
     if found is None:
         return result | {'outcome': 'nothing'}
     end, outcome, rules = found
+    stopped = end + LATENCY + STOPPING
     return result | {'outcome': outcome.name if end >= MET else f'{outcome.name} before', 'after': end - MET,
-                     'deviations': rules.touch.deviations, 'most': descent.most,
-                     'pressed': descent.pressed(end + LATENCY + STOPPING)}
+                     'signs': rules.touch.signs.text, 'deviations': rules.touch.deviations, 'most': descent.most,
+                     'pressed': descent.pressed(stopped), 'turned': descent.path(stopped).get('turn', 0.0)}
 
 
 def carried(recogniser: VisibilityGuard, what: str, number: int) -> dict:
@@ -100,6 +104,9 @@ def jobs(what: str) -> list[tuple]:
     """Return the arguments of each measurement."""
     if what in CARRIED:
         return [(what, number) for number in range(CARRIED[what])]
+    if what == 'edge':
+        cases = product(WEIGHTS[2:3], SPEEDS[:1], KINDS, (True,), LEVERS)
+        return [(number, *case) for number, case in enumerate(cases)]
     is_touch = what == 'touches'
     cases = product(WEIGHTS, SPEEDS if is_touch else SPEEDS[1:2], KINDS)
     return [(number, *case, is_touch) for number, case in enumerate(cases)]
@@ -112,21 +119,26 @@ def report(what: str, results: list[dict]) -> None:
         found = [outcome.name for left, right in pairs for _, outcome, _ in ends(paired(left['left'], right['right']))]
         print(f'{what}: {len(pairs) * SECONDS / 60:g} min from {len(results)} objects, {Counter(found)}')
         return
-    for weight, speed in dict.fromkeys((each['weight'], each['speed']) for each in results):
-        of_case = [each for each in results if (each['weight'], each['speed']) == (weight, speed)]
+    names = ('weight', 'speed', 'lever')
+    for case in dict.fromkeys(tuple(each[name] for name in names) for each in results):
+        of_case = [each for each in results if tuple(each[name] for name in names) == case]
         touched = [each for each in of_case if each['outcome'] == 'SOMETHING_TOUCHES']
         others = sorted(each['outcome'] for each in of_case if each not in touched)
         text = ''
         if touched:
-            pressed, after = ([each[name] for each in touched] for name in ('pressed', 'after'))
+            pressed, after, turned = ([each[name] for each in touched] for name in ('pressed', 'after', 'turned'))
             text = (f'after {np.median(after):.2f} s (most {max(after):.2f}), the table was pressed by '
-                    f'{np.median(pressed):.1f} N (most {max(pressed):.1f} of {touched[0]["most"]:.1f})')
-        print(f'{what}: weight {weight:g}, {1e3 * speed:g} mm/s: {len(touched)} of {len(of_case)} {text} {others}')
+                    f'{np.median(pressed):.1f} N (most {max(pressed):.1f} of {touched[0]["most"]:.1f}), the object had '
+                    f'turned by {np.median(turned):.2f} rad (most {max(turned):.2f}), '
+                    f'{dict(Counter(each["signs"] for each in touched))}')
+        weight, speed, lever = case
+        print(f'{what}: weight {weight:g}, {1e3 * speed:g} mm/s, lever {1e3 * lever:g} mm: '
+              f'{len(touched)} of {len(of_case)} {text} {others}')
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('what', nargs='*', default=['touches', 'taken', *CARRIED])
+    parser.add_argument('what', nargs='*', default=['touches', 'taken', 'edge', *CARRIED])
     parser.add_argument('--output', type=File, required=True, help='file of results, one JSON object in each line')
     parser.add_argument('--seconds', type=float, default=np.inf, help='time after which no measurement begins [s]')
     args = parser.parse_args()

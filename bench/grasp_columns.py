@@ -54,13 +54,16 @@ def grasped(session: Session, column: str, item: Item, place: Place, is_pulled: 
                'off': [*world.off_hand()], 'forces': [*world.forces.values()]}
     is_refused = 'reason' in record and 'ending' not in record
     if not is_refused:
+        session.moved()
         session.move(lift=session.hand['lift'] + LIFT)
+        record['lift'] = session.moved()
         if is_pulled:
             record['slid_mm'] = _pulled(session, item)
         else:
             world.shake(SHAKE)
             session.until(lambda: not world.is_moving)
         session.wait(AFTER)
+        record['shaken'] = session.moved()
     record |= {'end': _end(world.outcome, is_refused), 'seconds': time.monotonic() - begin,
                'left_out': world.left_out - left_out, 'holds': [*session.holds]}
     return record

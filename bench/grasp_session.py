@@ -32,7 +32,7 @@ from tactile_node.gripper.touch_client import TouchClient
 from tactile_node.nodes.spinner import spinning
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge
-from tactile_skin.msg import Grasp, GripperOutcome
+from tactile_skin.msg import ContactMotion, Grasp, GripperOutcome
 
 #: Parameters of the gripper node. Each finger has a stiffness of 2000 N/m (drive.STIFFNESS) and moves by half the
 #: change of the gap, so the stiffness of the gap is 1000 N/m.
@@ -84,6 +84,7 @@ class PlannerNode(Node):
         super().__init__('planner')
         self._planner, self._ages = Planner(), InputAge()
         self.grasp, self.holds = Grasp(), list[str]()
+        self.moving = 0  #: all flags of ContactMotion.moving that either pad has reported, as a sum
         self.gripper, self.touch = ActionClient(self, ParallelGripperCommand, ACTION), TouchClient(self)
         self.create_subscription(Grasp, 'grasp', self._on_grasp, qos_profile_sensor_data)
         self.create_subscription(GripperOutcome, 'touch_gripper/outcome', self._on_outcome, 10)
@@ -101,6 +102,8 @@ class PlannerNode(Node):
             arrival = self._ages.arrived(grasp)
             self._planner.receive(asked_for(grasp, AIM), arrival.steady, arrival.age_on_arrival)
             self.grasp = grasp
+            for motion in grasp.motions:
+                self.moving |= motion.moving
 
 
 class Session(ExitStack):
@@ -193,6 +196,11 @@ class Session(ExitStack):
     def holds(self) -> list[str]:
         """Names of the outcomes of all holds so far."""
         return self._node.holds
+
+    def moved(self) -> list[str]:
+        """Return the names of the movements that either pad has reported since the previous call."""
+        moving, self._node.moving = self._node.moving, 0
+        return [name for name in ('SHIFTING', 'SLIDING', 'TURNING') if moving & getattr(ContactMotion, name)]
 
     def decide(self) -> tuple[Correction, Grasp]:
         return self._node.decide()

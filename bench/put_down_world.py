@@ -2,7 +2,8 @@
 
 The arm lowers the object at a constant speed. Before the contact, the pads carry the weight of the object. After the
 contact, the load along the pads falls with the way of the hand, because the pads, the fingers and the arm yield. The
-load then rises in the other direction, until the object slips in the hand.
+load then rises in the other direction, until the object slips in the hand. An object that meets the edge of a table
+beside the hand turns in the hand instead, about the line through the middles of both contacts.
 """
 
 from collections.abc import Iterator
@@ -19,6 +20,8 @@ from tactile_node.shape.methods import VisibilityGuard
 FRICTION = 0.5      #: Load along a pad at which the object slips [normal force].
 STIFFNESS = 5000.0  #: Force on the table per way of the hand: skins, fingers and arm together [N/m].
 GRIP = 5.0          #: Normal force of each pad [N].
+#: Lever of the friction in a contact that turns [m]: two thirds of the radius of a round contact of 28 taxels.
+TURN_LEVER = 0.004
 
 
 class Descent(NamedTuple):
@@ -28,22 +31,25 @@ class Descent(NamedTuple):
     speed: float   #: speed of the hand [m/s]
     met: float     #: time at which the object meets the table [s]
     pushes: bool   #: False if the hand stops once the table carries the whole weight
+    lever: float = 0.0  #: horizontal distance of the table's edge from the grip [m], or 0 if the object cannot turn
 
     @property
     def most(self) -> float:
         """Largest force on the table [N]."""
+        if self.lever:
+            return 2 * GRIP * FRICTION * TURN_LEVER / self.lever
         return 2 * GRIP * (self.weight + FRICTION * self.pushes)
 
     def pressed(self, time: float) -> float:
-        """Return the force on the table at ``time`` [N], if nobody stops the hand."""
+        """Return the force on the table at ``time`` [N], if the hand does not stop."""
         return min(STIFFNESS * self.speed * max(0.0, time - self.met), self.most)
 
     def path(self, time: float) -> dict[str, float]:
-        """Return the load [normal force], and the way by which the object has slipped [pitches]."""
+        """Return the load [normal force], and how far the object has slipped [pitches] or turned [rad]."""
         load = self.weight - self.pressed(time) / (2 * GRIP)
         slips_from = self.met + self.most / (STIFFNESS * self.speed)
         slipped = self.pushes * max(0.0, time - slips_from) * self.speed
-        return {'load': load, 'dx': -slipped / PITCH}
+        return {'load': load, **({'turn': slipped / self.lever} if self.lever else {'dx': -slipped / PITCH})}
 
 
 class Hand:

@@ -73,6 +73,8 @@ def put_down(client: TouchClient, node: Node, arm: Arm, highest_table: float,
             arm.lower(SPEED if may_lower(goal, arm, highest_table) else 0.0)
     finally:
         arm.lower(0.0)
+        if goal.result is None and goal.handle is not None:
+            goal.cancel()  # so that the gripper node holds the force again
     if goal.result is None or goal.result.outcome != PutDown.Result.SOMETHING_TOUCHES:
         return goal.result
     until = steady() + WITNESSED

@@ -20,7 +20,8 @@ import numpy as np
 import rclpy
 import yaml
 from built_messages import BUILT, built_messages
-from gripper_bench import GripperBench
+from can_bench import TooSlowError
+from gripper_bench import GripperBench, started_node
 from misled_bench import (
     PERIOD,
     QOS,
@@ -36,9 +37,13 @@ from misled_bench import (
     stable,
 )
 from misled_skin import NODE_IDS, PADS, gripper_pads
+from put_down_process import PlannerProcess
 from sensor_msgs.msg import JointState
 from virtual_gripper import START
 
+from tactile_node.gripper.put_down_goal import FEEDBACK_LIMIT
+from tactile_node.gripper.rules.closing import LOST_AFTER
+from tactile_node.gripper.rules.put_down import BASELINE_TIME, LASTING, PutDownOutcome
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_skin.msg import Contact, ContactEvent, ContactMotion, ContactShape, GripperOutcome, TaxelArray
@@ -439,6 +444,88 @@ CLOSING = (
     _presses('rows_are_hidden', lambda world: world.skin.lose(LOST_ROWS), STOPPED))
 
 
+def _lowers(what: str, spoil: Callable[[World, ExitStack], object], bound: float, touches_for: float = 0.0,
+            **given: dict) -> Case:
+    """Return a case in which examples/put_down.py lowers the object in the air while ``spoil`` disturbs the data.
+
+    If the planner took a disturbance for a table and opened the gripper, the object would fall. If the planner lowered
+    the arm without data, the arm would press the object onto the table.
+
+    Parameters
+    ----------
+    what : str
+        Words for the disturbance.
+    spoil : callable
+        Function that disturbs the data.
+    bound : float
+        Time after which the arm must have stopped for good [s].
+    touches_for : float
+        Infinity if the node may report that something touches the object. The arm feels no contact, so the planner must
+        not open the gripper nevertheless.
+    """
+    def case() -> list[Finding]:
+        with World(period=SLOW_PERIOD, **given) as world, ExitStack() as stack:
+            world.hold()
+            rclpy.init()
+            stack.callback(rclpy.try_shutdown)
+            bench = GripperBench(stack, parameters={'max_age': MAX_AGE}, pads=None)
+            planner = _lowering(bench, stack)
+            since = time.monotonic()
+            spoiler = threading.Thread(target=spoil, args=(world, stack))
+            spoiler.start()
+            bench.until(lambda: planner.has_ended)
+            spoiler.join()
+            ended = planner.events[-1][0].removeprefix('outcome_')
+            seen = 'no result' if ended == 'gone' else PutDownOutcome(int(ended)).name
+            touched = float(seen == PutDownOutcome.SOMETHING_TOUCHES.name)
+            stall = sum(length for begun, length in world.stalls if since <= begun <= since + bound)
+            return [Finding('lowers', planner.stopped_at() - since, 0, bound, SLOW_PERIOD, stall, seen, has_ended=True),
+                    Finding('touches', touched, int(touched), touches_for, 0.0, 0.0, seen, has_ended=True),
+                    Finding('opens', float(len(bench.motor.commands)), len(bench.motor.commands), 0.0, 0.0, 0.0, seen,
+                            has_ended=not bench.motor.commands)]
+    return named(f'arm_lowers_while_{what}', case)
+
+
+def _lowering(bench: GripperBench, stack: ExitStack) -> PlannerProcess:
+    """Return a planner that lowers an arm after its baseline. On a busy machine, late frames may end a goal."""
+    for _ in range(TRIES):
+        planner = stack.enter_context(PlannerProcess())
+        bench.until(planner.moves_or_has_ended)
+        bench.wait(BASELINE_TIME + 1.0)
+        bench.until(planner.moves_or_has_ended)
+        if planner.is_moving:
+            return planner
+    raise TooSlowError('the machine is too busy')
+
+
+def _sent_late(world: World, stack: ExitStack) -> None:
+    """Hold back the shapes of both pads, and send them after the next ones."""
+    for relay in world.relays:
+        relay.hold_back(BURST)
+    world.wait(lambda: all(relay.is_full for relay in world.relays), 'ten messages')
+    time.sleep(1.0)
+    for relay in world.relays:
+        relay.release()
+
+
+# Time between two frames [s], so that the machine keeps up although it also runs a planner.
+SLOW_PERIOD = 0.05
+LOWERED = STOPPED + SLOW_PERIOD + FEEDBACK_LIMIT  # time after which an arm without data must have stopped [s]
+JOINED = 10.0  # time for the start and the discovery of a second gripper node [s]
+LOWERING = (
+    _lowers('skin_freezes', lambda world, _: world.skin.set(is_frozen=True), FROZEN_AFTER + LOWERED,
+            driver={'frozen_after': FROZEN_AFTER}),
+    _lowers('bus_fails', lambda world, _: world.skin.unplug(), LOWERED),
+    _lowers('one_pad_loses_power', lambda world, _: world.skin.power_off(NODE_IDS[1]), LOWERED),
+    _lowers('rows_are_hidden', lambda world, _: world.skin.lose(LOST_ROWS), LOWERED),
+    _lowers('driver_ends', lambda world, _: world.remove('driver'), LOWERED),
+    _lowers('shapes_are_held_back', _sent_late, LOWERED, relayed='shape'),
+    _lowers('object_is_lost', lambda world, _: world.skin.set(is_there=False), LOST_AFTER + LOWERED),
+    _lowers('second_gripper_node_starts', lambda _, stack: stack.enter_context(started_node()), JOINED),
+    # The pads cannot tell an object that slips from a table (docs/put_down.md).
+    _lowers('object_slips', lambda world, _: world.skin.set(x=8.6), LASTING + LOWERED, touches_for=np.inf))
+
+
 #: Cases that `make misled SHORT=1` runs.
 SHORT: Sequence[Case] = (
     skin_freezes, bus_fails, rows_are_hidden, a_part_is_hidden, taxels_saturate, object_creeps, malformed_messages,
@@ -446,7 +533,7 @@ SHORT: Sequence[Case] = (
 LONG: Sequence[Case] = (
     one_pad_loses_power, driver_ends, classifier_ends, nodes_start_while_held,
     one_pad_never_answers, taxels_are_dead, joint_states_end, opening_is_not_known, object_is_taken_away,
-    messages_held_back, *CLOSING,
+    messages_held_back, *CLOSING, *LOWERING,
     *(named(f'{link}_held_back', partial(messages_held_back, link=link)) for link in ('contact', 'taxels')),
     object_creeps_slowly)
 HEADER = ('case', 'false claim', 'misled [s]', 'messages', 'allowed [s]', 'latency [s]', 'stalled [s]',

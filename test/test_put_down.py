@@ -280,6 +280,16 @@ def test_a_gripper_that_moves_while_the_object_is_watched_ends_the_goal():
     assert planner.ended == pytest.approx(AFTER, abs=2 * LOOK)
 
 
+@pytest.mark.parametrize('speed', [1e-4, 3e-4, 1e-3, 3e-3, 1e-2])
+@pytest.mark.parametrize('begin', [0.0, AFTER])
+def test_a_slide_ends_the_goal_before_the_object_has_slid_far(speed, begin):
+    """The hold of the gripper answers to no slide during a goal, even if the planner has died."""
+    planner = Planner(later(lambda time: {'shift': speed * time}, begin))
+    assert planner.put_down().name in ('SOMETHING_TOUCHES', 'DRIFTED', 'NO_QUIET_BASELINE')
+    latest = BASELINE_TIME if begin == 0 else LASTING
+    assert speed * (planner.ended - begin) < 0.3 * PITCH + speed * (latest + AGE + PERIOD + LOOK)
+
+
 def test_slow_frames_give_no_baseline():
     planner = Planner(lambda time: {}, period=0.12)
     assert planner.put_down() is PutDownOutcome.NO_QUIET_BASELINE and 'at least 20' in planner.rules.reason

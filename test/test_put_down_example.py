@@ -1,14 +1,11 @@
 """The example that lowers an arm: it stops without feedback, and opens only with a second witness."""
 
 import signal
-import subprocess
-import sys
-import threading
 import time
 from pathlib import Path
 
 import pytest
-from built_messages import environment_with
+from put_down_process import PlannerProcess
 
 from tactile_node.gripper.put_down_goal import PutDownGoal
 from tactile_skin.action import PutDown
@@ -126,6 +123,23 @@ def test_the_arm_stops_for_good_if_the_node_is_gone(run):
     assert world.moved_last() < 2 + STOPPED and world.now < 6
 
 
+def test_the_goal_is_cancelled_if_the_arm_fails(run):
+    class Handle:
+        is_cancelled = False
+
+        def cancel_goal_async(self):
+            self.is_cancelled = True
+
+    class FailingWorld(World):
+        def height(self):
+            raise ConnectionError
+    world = FailingWorld(lambda time: False, ends=5.0)
+    world.goal.handle = Handle()
+    with pytest.raises(ConnectionError):
+        run(world)
+    assert world.speeds[-1][1] == 0 and world.goal.handle.is_cancelled
+
+
 def test_the_arm_moves_neither_before_the_first_feedback_nor_low_during_the_baseline(run):
     def baseline(time):
         return None if time < 1 else time >= 3
@@ -135,32 +149,6 @@ def test_the_arm_moves_neither_before_the_first_feedback_nor_low_during_the_base
     run(high)
     assert min(at for at, speed in low.speeds if speed) >= 3 - 1e-6
     assert 1 <= min(at for at, speed in high.speeds if speed) < 1.1
-
-
-class Planner:
-    """The process of put_down_process.py, with the events that it has printed."""
-
-    def __init__(self):
-        self.events = []  # pairs of an event and its time [s]
-        self.process = subprocess.Popen([sys.executable, str(Path(__file__).with_name('put_down_process.py'))],
-                                        env=environment_with('control_msgs'), stdout=subprocess.PIPE, text=True)
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def _read(self):
-        for line in iter(self.process.stdout.readline, ''):
-            event, _, at = line.partition(' ')
-            self.events.append((event, float(at)))
-
-    @property
-    def is_moving(self):
-        return bool(self.events) and self.events[-1][0] == 'moves'
-
-    @property
-    def has_ended(self):
-        return bool(self.events) and self.events[-1][0] not in ('moves', 'stops')
-
-    def stopped_at(self):
-        return max(at for event, at in self.events if event == 'stops')
 
 
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP], ids=['killed', 'stopped'])
@@ -173,17 +161,15 @@ def test_the_arm_stops_after_the_node_was_killed_or_stopped(ros, number):
     with bench.node_as_process() as node:
         bench.motor.move_to(bench.pads.width - FORCE / bench.pads.stiffness)
         bench.pads.change = sides.publish_with
-        planner = Planner()
-        try:
-            bench.until(lambda: planner.is_moving)
-            bench.wait(1.0)
-            bench.until(lambda: planner.is_moving)  # on a busy machine, the arm may wait for a late frame
-            since = time.monotonic()
-            node.send_signal(number)
-            bench.until(lambda: planner.has_ended)
-        finally:
-            node.send_signal(signal.SIGCONT)
-            planner.process.kill()
-            planner.process.wait()
+        with PlannerProcess() as planner:
+            try:
+                bench.until(lambda: planner.is_moving)
+                bench.wait(1.0)
+                bench.until(lambda: planner.is_moving)  # on a busy machine, the arm may wait for a late frame
+                since = time.monotonic()
+                node.send_signal(number)
+                bench.until(lambda: planner.has_ended)
+            finally:
+                node.send_signal(signal.SIGCONT)
     assert planner.events[-1][0] == 'gone'
     assert planner.stopped_at() - since <= STOPPED

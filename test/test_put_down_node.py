@@ -13,7 +13,14 @@ from virtual_gripper import AGE, PERIOD, STEP
 from tactile_node.code_names import name_of
 from tactile_node.gripper.put_down_goal import FEEDBACK_LIMIT
 from tactile_node.gripper.rules.closing import Outcome
-from tactile_node.gripper.rules.put_down import BASELINE_TIME, BLIND_TIME, LASTING, PutDownOutcome, Sign
+from tactile_node.gripper.rules.put_down import (
+    BASELINE_TIME,
+    BLIND_TIME,
+    LASTING,
+    LONGEST_TIMEOUT,
+    PutDownOutcome,
+    Sign,
+)
 from tactile_skin.action import PutDown
 from tactile_skin.msg import GraspSides
 
@@ -182,9 +189,10 @@ def test_a_goal_can_be_cancelled_and_times_out(make_bench):
 
 def test_an_impossible_timeout_is_refused(make_bench):
     bench = make_bench()
-    for timeout in (0.0, 3601.0):
+    for timeout in (0.0, LONGEST_TIMEOUT + 0.1):
         result, _ = ended(bench, bench.client.put_down(timeout))
         assert result.outcome == Result.REFUSED and 'timeout' in result.message
+        assert not bench.node._control.suspends_hold
 
 
 def test_a_new_goal_replaces_the_goal_in_progress(make_bench):
@@ -211,13 +219,20 @@ def test_a_second_gripper_node_ends_the_watch(make_bench):
     assert result.outcome == Result.DUPLICATE and 'another touch_gripper' in result.message
 
 
-def test_the_hold_waits_with_its_corrections(make_bench):
-    """The object shrinks. A hold would correct the force at once, and hide that the force has changed."""
-    bench = make_bench(hold=True)
+@pytest.fixture
+def hold(make_bench):
+    """Return a bench on which a hold keeps FORCE on the object, and answers to a slide."""
+    bench = make_bench(hold=True, slide_force_step=1.0, highest_force=FORCE + 1.0)
     bench.motor.move_to(0.045)
     bench.wait(0.2)
     bench.close(position=0.0, effort=FORCE)
     bench.wait(0.5)
+    return bench
+
+
+def test_the_hold_waits_with_its_corrections(hold):
+    """The object shrinks. A hold would correct the force at once, and hide that the force has changed."""
+    bench = hold
     goal = watching(bench)
     commands = len(bench.motor.commands)
     bench.pads.width -= 1.5e-3
@@ -226,3 +241,25 @@ def test_the_hold_waits_with_its_corrections(make_bench):
     assert len(bench.motor.commands) == commands
     bench.until(lambda: min(bench.pads.forces()) > FORCE - 1)  # afterwards, the hold corrects the force
     assert len(bench.motor.commands) > commands
+
+
+def sliding(grasp):
+    for motion in grasp.motions:
+        motion.moving, motion.direction = motion.SLIDING, 1.0
+    return grasp
+
+
+@pytest.mark.parametrize(('end', 'outcome'), [
+    ('slides', 'SOMETHING_TOUCHES'), ('is cancelled', 'CANCELED'),
+    *(pytest.param(*each, marks=LONG) for each in (('has two contacts', 'PAD_UNSEEN'), ('times out', 'TIMED_OUT')))])
+def test_the_hold_answers_to_a_slide_after_each_ending_although_the_planner_is_dead(hold, end, outcome):
+    """The planner neither opens the gripper nor sends another goal."""
+    bench = hold
+    goal = watching(bench)
+    {'slides': lambda: setattr(bench.sides, 'change', moved), 'is cancelled': goal.cancel,
+     'has two contacts': lambda: setattr(bench.sides, 'change', of_sides(contacts=2, contact_areas=[1e-4, 1e-5],
+                                                                          others_present=True)),
+     'times out': lambda: None}[end]()
+    bench.pads.change = lambda grasp: sliding(bench.sides.publish_with(grasp))
+    assert ended(bench, goal)[0].outcome == getattr(Result, outcome)
+    bench.until(lambda: min(bench.pads.forces()) > FORCE + 0.5)

@@ -34,6 +34,8 @@ from examples.simulated_gripper.world import (
 )
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.grasp.gripper import PadPose, Transform
+from tactile_node.pose.events import Moving
+from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Grasp
 
 MIDDLE = (ROWS - 1) / 2 * PITCH
@@ -107,6 +109,22 @@ def test_an_oblique_face_presses_one_side_more():
     np.testing.assert_allclose(np.diff(found[7, 6:10]), STIFFNESS * 0.01 * PITCH, rtol=0.01)
 
 
+def middle_of(values):
+    """Return the centre of pressure along x and y [m]."""
+    y, x = np.indices(values.shape) * PITCH
+    return np.array(((x * values).sum(), (y * values).sum())) / values.sum()
+
+
+@pytest.mark.parametrize('load', [(0.3, 0.0), (0.0, -0.2), (0.3, 0.4)])
+def test_a_load_along_the_pad_moves_the_pressure_towards_the_load(load):
+    """Under a skin of 4 mm with G = 25 kPa, a face of 16 mm moves by h T / (G A), and its pressure by h T / N more."""
+    pose = Transform(np.eye(3), np.array((MIDDLE, MIDDLE, ITEMS['square'].length / 2)))
+    loaded = pressures(ITEMS['square'], pose, 2.0, load)
+    moved = 0.004 * np.array(load) * (1 / 2.0 + 1 / (25e3 * 0.016**2))
+    np.testing.assert_allclose(middle_of(loaded) - middle_of(felt('square')), moved, atol=0.05e-3)
+    assert loaded.sum() * PITCH**2 == pytest.approx(2.0, rel=1e-3)
+
+
 def test_places_are_within_bounds_and_repeat():
     drawn = [random_place(seed) for seed in range(200)]
     assert drawn == [random_place(seed) for seed in range(200)]
@@ -149,6 +167,29 @@ def test_two_pads_carry_50_grams_by_friction(name, effort, outcome):
     needs at least 2.45 N.
     """
     assert lifted(name, effort).outcome is outcome
+
+
+@physics
+def test_a_lift_moves_the_pressure_down_by_the_weight_on_each_pad():
+    """The rows of the left pad run downwards, and the rows of the right pad run upwards."""
+    before, after = gripped(), lifted()
+    for side, down in zip(SIDES, (1, -1)):
+        np.testing.assert_allclose(after.load(side), (0, down * 0.05 * GRAVITY / 2), atol=0.01)
+        shift = middle_of(after.pressures(side)) - middle_of(before.pressures(side))
+        assert shift == pytest.approx((0, down * 0.004 * 0.245 * (1 / 2.0 + 1 / (25e3 * 0.016**2))), abs=0.05e-3)
+
+
+@physics
+@pytest.mark.slow
+@pytest.mark.parametrize('name', ['square', *(pytest.param(name, marks=pytest.mark.long) for name in sorted(
+    {*ITEMS} - {'square', 'slippery', 'bottle'}))])  # the slippery block and the heavy bottle slide at this force
+def test_a_lift_and_a_shake_are_no_slide(name):
+    """A reported slide lets the hold press harder, and may break the item."""
+    from bench_lifts import STAYED, handled
+    world = gripped(name)
+    found = handled(world, make_recogniser(), np.random.default_rng(5))
+    assert found.slid < STAYED and world.outcome is Outcome.HELD
+    assert Moving.SHIFTING in found.in_shake and Moving.SLIDING not in found.in_lift | found.in_shake
 
 
 @physics
@@ -199,7 +240,8 @@ def test_the_hand_corrects_an_error(seed):
     assert World(ITEMS['square'], place).off_hand() == pytest.approx(place, abs=1e-4)
     world = gripped(place=place, hand=place)
     assert world.off_hand() == pytest.approx(AIM, abs=radians(0.1))
-    for taxels in map(world.pressures, ('left', 'right')):
+    for side in SIDES:  # without the load by which the stand carries the item, because a load moves the pressure
+        taxels = pressures(world.item, world.item_in(side), world.forces[side])
         assert taxels.sum() * PITCH**2 == pytest.approx(2.0, rel=0.05)
         centre = [np.arange(ROWS) @ taxels.sum(axis) / taxels.sum() for axis in (0, 1)]
         assert centre == pytest.approx([7.5, 7.5], abs=0.2)

@@ -2,9 +2,10 @@
 
 import threading
 import time
+from collections.abc import Iterator
 from enum import Enum
 from math import pi, radians
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -195,10 +196,20 @@ class World:
     def pressures(self, side: str) -> np.ndarray:
         """Return the taxel values of the pad on ``side``, (rows, cols) [Pa]."""
         with self.lock:
-            pose, force = self.item_in(side), self._forces[side]
+            pose, force, load = self.item_in(side), self._forces[side], self.load(side)
             if self._has_sensors:
                 return by_depth(self.data.sensor(side).data[:ROWS**2].reshape(ROWS, ROWS), force)
-        return pressures(self.item, pose, force)
+        return pressures(self.item, pose, force, load)
+
+    def load(self, side: str) -> np.ndarray:
+        """Return the force along x and y of a pad's frame with which the item pulls the skin [N]."""
+        with self.lock:
+            total = np.zeros(3)
+            for contact, other, wrench in self._contacts():
+                if self._skins.get(other) == side:  # the force acts on the second geom
+                    force = contact.frame.reshape(3, 3).T @ wrench[:3]
+                    total += force if contact.geom[1] == other else -force
+            return (self.data.site(f'{side}_pad').xmat.reshape(3, 3).T @ total)[:2]
 
     def step(self, seconds: float) -> None:
         """Advance the physics by ``seconds``, as fast as possible."""
@@ -259,20 +270,23 @@ class World:
 
     def _observe(self) -> None:
         """Sum the normal forces of all contacts, and update the outcome."""
-        self._forces, is_on_table, wrench = dict.fromkeys(SIDES, 0.0), False, np.zeros(6)
-        for number in range(self.data.ncon):
-            geoms = set(self.data.contact[number].geom.tolist())
-            if self._geom not in geoms:
-                continue
-            mujoco.mj_contactForce(self.model, self.data, number, wrench)
-            other = (geoms - {self._geom}).pop()
+        self._forces, is_on_table = dict.fromkeys(SIDES, 0.0), False
+        for _, other, wrench in self._contacts():
             if other in self._skins:
                 self._forces[self._skins[other]] += float(wrench[0])
             elif not self.model.geom_bodyid[other]:  # body 0 is the world, which does not move
-
                 is_on_table |= bool(wrench[0] > 0)
         self.most_force = max(self.most_force, *self._forces.values())
         self.outcome = self._judged(is_on_table)
+
+    def _contacts(self) -> Iterator[tuple[Any, int, np.ndarray]]:
+        """Yield each contact of the item, the other geom, and the force and torque in the contact's frame."""
+        for number in range(self.data.ncon):
+            contact, wrench = self.data.contact[number], np.zeros(6)
+            geoms = set(contact.geom.tolist())
+            if self._geom in geoms:
+                mujoco.mj_contactForce(self.model, self.data, number, wrench)
+                yield contact, (geoms - {self._geom}).pop(), wrench
 
     def _judged(self, is_on_table: bool) -> Outcome:
         if self.most_force > self.item.strength:

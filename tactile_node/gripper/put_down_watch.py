@@ -14,7 +14,7 @@ from tactile_node.gripper.duplicate_watch import DuplicateWatch
 from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.gripper.messages import held_reading
 from tactile_node.gripper.rules.control import TouchControl
-from tactile_node.gripper.rules.put_down import NOTHING_READ, PutDown, PutDownOutcome, Sign
+from tactile_node.gripper.rules.put_down import LONGEST_TIMEOUT, NOTHING_READ, PutDown, PutDownOutcome, Sign
 from tactile_node.ros.grasp_messages import timeout_of
 from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.rosout_handler import of_node
@@ -78,7 +78,7 @@ class PutDownWatch:
     def accept(self, handle: ServerGoalHandle) -> None:
         """Carry out a goal, or refuse it."""
         try:
-            timeout = timeout_of(handle.request.timeout)
+            timeout = timeout_of(handle.request.timeout, LONGEST_TIMEOUT)
         except RefusedRequirementError as error:
             self._reply(handle, PutDownOutcome.REFUSED, str(error))
             return
@@ -96,7 +96,7 @@ class PutDownWatch:
         outcome = self._outcome(goal)
         if outcome is not None:
             self._end(goal, outcome)
-        elif goal.rules.used > goal.told:
+        elif goal.rules.used > goal.published:
             goal.publish_feedback()
 
     def _outcome(self, goal: '_Goal') -> PutDownOutcome | None:
@@ -135,7 +135,7 @@ class _Goal:
         self.handle, self.rules = handle, rules
         self.reading = NOTHING_READ
         self._node, self._ages = node, InputAge(steady=steady)
-        self.told = 0  # number of frames that had been used at the latest feedback
+        self.published = 0  # number of frames that had been used at the latest feedback
         self._sides = listen(self._on_sides)
 
     def destroy(self) -> None:
@@ -143,7 +143,7 @@ class _Goal:
 
     def publish_feedback(self) -> None:
         """Publish feedback for the latest frame. Without a new usable frame, no feedback is due."""
-        self.told = self.rules.used
+        self.published = self.rules.used
         self.handle.publish_feedback(action.PutDown.Feedback(watching=self.rules.is_watching))
 
     def _on_sides(self, sides: GraspSides) -> None:

@@ -230,11 +230,11 @@ def requirement_of(message: GraspRequirement, known_names: Collection[str] = ())
     return requirement
 
 
-def timeout_of(message: Duration) -> float:
-    """Return the timeout of a goal [s]. Raises RefusedRequirementError unless the timeout is in (0, LONGEST]."""
+def timeout_of(message: Duration, longest: float = LONGEST) -> float:
+    """Return the timeout of a goal [s]. Raises RefusedRequirementError unless the timeout is in (0, ``longest``]."""
     timeout = _duration(message, 'timeout')
-    if not 0 < timeout <= LONGEST:
-        raise _refused(RequirementRefusal.NO_TIMEOUT, f'a timeout above 0 s, at most {LONGEST:g} s', f'{timeout:g} s')
+    if not 0 < timeout <= longest:
+        raise _refused(RequirementRefusal.NO_TIMEOUT, f'a timeout above 0 s, at most {longest:g} s', f'{timeout:g} s')
     return timeout
 
 

@@ -24,6 +24,8 @@ import numpy as np
 from tactile_node.grasp.tracker import SIDES, GraspContact
 from tactile_node.gripper.rules.closing import LOST_AFTER
 
+#: Longest timeout of a goal [s]. If the planner dies, the hold of the gripper waits until the goal ends.
+LONGEST_TIMEOUT = 60.0
 BASELINE_TIME = 1.5  #: Time over which the baseline is taken [s].
 FEWEST = 20          #: Smallest number of frames in a baseline.
 #: Time allowed for the first reading of the pads [s]. The node subscribes to them when a goal arrives.
