@@ -6,8 +6,8 @@ Building a package takes 20 s of processor time and happens only once; its messa
 Python classes takes 1 s, but their messages cannot be sent.
 
 The module contains only the interfaces that our code uses, under the names of the real packages: geometry2, MoveIt 2,
-ros2_control and tactile_toolbox. An interface has the same type hash as in the real package, so nodes with either
-package can exchange messages.
+ros2_control and tactile_toolbox. The interfaces of control_msgs and tf2_msgs have the same type hashes as in the real
+packages, so nodes with either package can exchange messages. The messages of MoveIt lack fields.
 
     python test/built_messages.py PACKAGE ...
 
@@ -48,7 +48,8 @@ byte ADD=0
 byte REMOVE=1
 byte APPEND=2
 byte MOVE=3
-byte operation'''}),
+byte operation''',
+        'AttachedCollisionObject': 'string link_name\nCollisionObject object\nstring[] touch_links\nfloat64 weight'}),
     'control_msgs': (('sensor_msgs', 'action_msgs'), {
         'GripperCommand': 'float64 position\nfloat64 max_effort',
         'action/GripperCommand': 'GripperCommand command\n---\n' + '---\n'.join(2 * [
