@@ -82,7 +82,7 @@ def _grasp(planner: FirstGrasp) -> int:
     planner.spin(LIFT_TIME)
     is_held, grasp = planner.spin(STABLE_TIMEOUT, planner.is_held), planner.grasp
     print(f'{"held" if is_held else "not held"}: {grasp.class_name}, {1e3 * grasp.width:.1f} mm wide, pads press '
-          f'{grasp.forces[0]:.1f} and {grasp.forces[1]:.1f} N, states of the pads {list(grasp.side_states)}')
+          f'{grasp.forces[0]:.1f} and {grasp.forces[1]:.1f} N')
     return 0 if is_held else 1
 
 
