@@ -88,9 +88,9 @@ test: setup messages  ## run all checks of the project, and print how long they 
 		printf '\n*** NOT TESTED on a real CAN stack: %s ***\n\n' "$$(cat build/socketcan/not_run)"; \
 	exit $$failed
 
-# These packages are in ROS, but not on PyPI. The setup builds them once, so that no test has to wait for them.
+# These packages are in ROS, but not on PyPI. They are built once, so that no test has to wait for them.
 .PHONY: messages
-messages: setup
+messages: setup  ## build the interfaces of control_msgs and tf2_msgs that grippers need, for build/messages/setup.bash
 	@$(BIN)/python test/built_messages.py tf2_msgs control_msgs
 
 # Each line of output begins with its lane. With exec, the tests receive the signal that ends make. Each lane imports

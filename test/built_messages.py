@@ -6,9 +6,12 @@ Building a package takes 20 s of processor time and happens only once; its messa
 Python classes takes 1 s, but their messages cannot be sent.
 
 The module contains only the interfaces that our code uses, under the names of the real packages: geometry2, MoveIt 2,
-ros2_control and tactile_toolbox.
+ros2_control and tactile_toolbox. The interfaces of control_msgs and tf2_msgs have the same type hashes as in the real
+packages, so nodes with either package can exchange messages. The messages of MoveIt lack fields.
 
     python test/built_messages.py PACKAGE ...
+
+builds packages and writes build/messages/setup.bash, which adds the packages to the environment of a shell.
 """
 
 import ctypes
@@ -45,7 +48,8 @@ byte ADD=0
 byte REMOVE=1
 byte APPEND=2
 byte MOVE=3
-byte operation'''}),
+byte operation''',
+        'AttachedCollisionObject': 'string link_name\nCollisionObject object\nstring[] touch_links\nfloat64 weight'}),
     'control_msgs': (('sensor_msgs', 'action_msgs'), {
         'GripperCommand': 'float64 position\nfloat64 max_effort',
         'action/GripperCommand': 'GripperCommand command\n---\n' + '---\n'.join(2 * [
@@ -182,7 +186,30 @@ def _build(package: str, folder: Path) -> None:
         assert done.returncode == 0, done.stdout[-3000:]
 
 
+def write_setup(names: list[str], folder: Path) -> Path:
+    """Build the packages in ``folder``, and write a script that adds them to the environment of a shell.
+
+    The script leaves out a package that is installed. The script appends to the search paths, so that a package of a
+    ROS workspace is found first.
+
+    Returns
+    -------
+    Path
+        The script, which bash and zsh can source.
+    """
+    lines = []
+    for name in names:
+        if importlib.util.find_spec(name):
+            continue
+        modules = built(name, folder)
+        prefix = modules.parents[2]
+        paths = {'PYTHONPATH': modules, 'LD_LIBRARY_PATH': prefix / 'lib', 'AMENT_PREFIX_PATH': prefix}
+        lines += [f'export {key}="${{{key}:+${key}:}}{path}"\n' for key, path in paths.items()]
+    script = folder / 'setup.bash'
+    script.parent.mkdir(parents=True, exist_ok=True)
+    script.write_text(''.join(lines), encoding='utf-8')
+    return script
+
+
 if __name__ == '__main__':
-    for package in sys.argv[1:]:
-        with built_messages(package, BUILT):
-            pass
+    print(f'messages: source {write_setup(sys.argv[1:], BUILT)}')

@@ -24,6 +24,7 @@ WALL_CLOCK = {
     'tactile_node/gripper/gripper_node.py': 'the time of an outcome for human readers',
     'examples/other_skin.py': 'stamps of taxels, like those of the driver',
     'examples/simulated_gripper/session.py': 'stamps of joint states, like those of every controller',
+    'examples/simulated_gripper/hand_interface.py': 'stamps on tf, like those of every robot',
     'examples/demo/bag.py': 'the time at which a message was recorded, beside its stamp',
     'examples/demo/watcher.py': 'the demo runs on one host',
     'examples/demo/session.py': 'the demo runs on one host',

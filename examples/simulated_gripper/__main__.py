@@ -2,11 +2,13 @@
 
     python -m examples.simulated_gripper --item square --seed 1 --link /tmp/skin
     tactile bringup --interface slcan --channel /tmp/skin --pads left,right --node-ids 32,64 \\
-        --gap-source joint_states --gap-joints hand_gap
+        --params-file examples/simulated_gripper/parameters.yaml
 
 With --seed, the item is displaced from the aim of the hand by up to 8 mm and turned by up to 15 degrees. Without
 --seed, the item is exactly at the aim. The second command is the same as for a real skin. Use the action
-hand/gripper_cmd (control_msgs) to command the gripper, and type orders into this program to command the hand.
+hand/gripper_cmd (control_msgs) to command the gripper. Publish a geometry_msgs/PoseStamped in the frame table on the
+topic hand/target_pose to command the hand, or type orders into this program. docs/howto/simulated_gripper.md describes
+both, and how to get control_msgs.
 """
 
 import argparse
@@ -47,13 +49,16 @@ def _serve(world: World, args: argparse.Namespace) -> int:
     import rclpy  # a late import, because a picture needs no ROS
     from rclpy.signals import SignalHandlerOptions
 
+    from examples.simulated_gripper.hand_interface import HAS_TF, TARGET
     from examples.simulated_gripper.session import HAS_ACTION, Bench
 
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     with interruption() as stop_requested, Bench(world, args.link, args.seed or 0) as bench:
         print(f'Simulated gripper with {args.item}, skin at {bench.port}, joint states at /joint_states, '
-              + ('action /hand/gripper_cmd' if HAS_ACTION else 'no action: control_msgs is not installed')
-              + f'\n{HELP}', flush=True)
+              f'target poses of the hand from /{TARGET}, '
+              + ('frames on /tf, ' if HAS_TF else 'no frames: tf2_msgs is not installed (make messages), ')
+              + ('action /hand/gripper_cmd' if HAS_ACTION
+                 else 'no action: control_msgs is not installed (make messages)') + f'\n{HELP}', flush=True)
         gc.freeze()  # a full garbage collection would delay a sweep
         threading.Thread(target=_read, args=(world,), name='console', daemon=True).start()
         while not stop_requested.wait(0.2) and not bench.failures:

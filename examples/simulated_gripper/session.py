@@ -1,4 +1,4 @@
-"""Run the bench as a planner sees it, with a CANopen skin behind a serial adapter, joint states and an action."""
+"""Run the bench as a planner sees it: a CANopen skin behind a serial adapter, joint states, frames and commands."""
 
 import threading
 from importlib.util import find_spec
@@ -11,6 +11,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from bench.planner_world import noisy
+from examples.simulated_gripper.hand_interface import HandInterface
 from examples.simulated_gripper.world import SIDES, World
 from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
@@ -79,6 +80,7 @@ class Bench:
         publisher = self._node.create_publisher(JointState, 'joint_states', 10)
         self._node.create_timer(STATE_PERIOD, lambda: publisher.publish(joint_state(self._node, self.world)),
                                 clock=Clock(clock_type=ClockType.STEADY_TIME))
+        HandInterface(self._node, self.world)
         if HAS_ACTION:
             from examples.simulated_gripper.gripper_server import GripperServer
             self._server = GripperServer(self._node, self.world)
