@@ -74,7 +74,7 @@ def _grasp(planner: FirstGrasp) -> int:
         return 2
     planner.spin(LISTENING)
     goal = planner.gripper.send(0.0, effort=EFFORT)
-    outcome = planner.gripper.wait(goal, CLOSE_TIMEOUT).outcome
+    outcome = planner.gripper.wait(goal, CLOSE_TIMEOUT, spin=True).outcome
     if outcome is None or outcome.outcome != GripperOutcome.FORCE_REACHED:
         print(f'first_grasp: not closed: {outcome.message if outcome else "the outcome was lost"}', file=sys.stderr)
         return 1
