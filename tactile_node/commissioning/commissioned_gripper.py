@@ -22,11 +22,11 @@ class CommissionedGripper(Protocol):
         """Cancel all goals."""
 
     def others(self) -> str:
-        """Return who else commands the gripper, for example a touch_gripper node; '' for nobody."""
+        """Return the other client that commands the gripper, for example touch_gripper, or '' if there is none."""
 
 
 class Act(Enum):
-    """What a question asks the person to do."""
+    """Action that a question asks of the person."""
 
     CONFIRM_STOP = 'confirm that the emergency stop is in reach'
     CONSENT = 'consent to a series of movements'

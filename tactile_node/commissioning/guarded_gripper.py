@@ -23,6 +23,8 @@ STILL_SHARE = 0.002    #: A movement by less than this share of the travel does 
 ZERO_TIME = 1.0        #: Duration of the recording for a new zero [s].
 MOST_DRIFT = 0.03      #: Largest change of a taxel that counts as drift [N].
 OUTSIDE = 0.1          #: Share of the travel by which a reading may lie outside the limits of the joint.
+SEEN_SHARE = 0.5       #: Share of the taxels of a pad below which the pad counts as silent, because it sends no values.
+LEAST_NOISE = 1e-5     #: Noise of a joint whose reading does not change at rest [share of the travel].
 HARD_LIMIT = 1.5       #: Share of the force limit above which the guard stops the gripper.
 
 
@@ -93,8 +95,10 @@ class GuardedGripper:
         self._gripper.cancel()
 
     def command(self, move: Move) -> None:
-        self._last = move
-        self._gripper.command(*move)
+        """Command a movement to a position within the limits of the joint, because a gripper may reject others."""
+        position = min(max(move.position, self._plan.low), self._plan.high)
+        self._last = move._replace(position=position)
+        self._gripper.command(*self._last)
 
     def watch(self, seconds: float, where: str, *, may_touch: bool, is_over: Callable[[Recording], bool] | None = None,
               tick: float = TICK) -> Recording:
@@ -170,7 +174,7 @@ class GuardedGripper:
     def measure_noise(self, where: str) -> float:
         """Return the noise of the joint, and keep it as ``noise``."""
         recording = self.watch(1.0, where, may_touch=True)
-        self.noise = joint_noise(recording.joint)
+        self.noise = max(joint_noise(recording.joint), LEAST_NOISE * self._plan.travel)
         return self.noise
 
     def renew_zero(self, where: str) -> None:
@@ -203,7 +207,7 @@ class GuardedGripper:
         now = self.now()
         if len(part.joint.times):
             self._joint_seen, self._reading = now, float(part.joint.positions[-1])
-        if all(len(pad.times) for pad in part.pads):
+        if all(len(pad.times) and np.isfinite(pad.forces[-1]).mean() >= SEEN_SHARE for pad in part.pads):
             self._pads_seen = now
         if who := self._gripper.others():
             return RefusedStepError(where, Mistake.OTHER_CLIENT, expected='no other client of the gripper', got=who,

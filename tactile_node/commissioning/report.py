@@ -23,7 +23,7 @@ def write_report(page: str | Path, data: str | Path, found: Evaluation, paramete
     page, data : str or Path
         The two files.
     found : Evaluation
-        What the commissioning has shown.
+        Results of the commissioning.
     parameters : MeasuredParameters
         The parameters of the parameter file.
     about : mapping of str to str
