@@ -1,6 +1,7 @@
 """`tactile commission` on a gripper whose action, joint states and taxels a test serves."""
 
 import io
+import json
 import os
 import pty
 import signal
@@ -9,19 +10,24 @@ import sys
 import threading
 import time
 from array import array
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
+import yaml
 from built_messages import environment_with
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from sensor_msgs.msg import JointState
+from simulated_person import commission
 
 from tactile_node.cli.commission import Terminal
 from tactile_node.cli.main import main
 from tactile_node.commissioning.commissioned_gripper import Act, Question
+from tactile_node.commissioning.force import map_effort
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
+from tactile_node.commissioning.movement import StopTrial
 from tactile_node.errors import ConfigurationError
 from tactile_node.gripper.ros_gripper import RosGripper
 from tactile_node.nodes.spinner import spinning
@@ -259,6 +265,30 @@ def test_the_command_refuses_while_another_client_has_a_live_goal(ros, parallel,
     assert session.process.wait(LIMIT) == 1
     assert 'another client' in session.text
     assert len(hand.goals) == 1 and not hand.cancels
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+@pytest.mark.long
+@pytest.mark.skipif(find_spec('mujoco') is None, reason='pip install -r requirements/bench_physics.txt')
+@pytest.mark.usefixtures('ros', 'control_msgs')
+def test_a_person_commissions_the_simulated_gripper(tmp_path):
+    """The truth comes from the model: each pad presses with the effort, and a command takes effect after DELAY."""
+    code, text = commission(tmp_path, '--rest-time', '15', '--hold-time', '5', '--stop-trials', '3', '--skip',
+                            'block,step,weight')
+    assert code == 0, text
+    steps = json.loads((tmp_path / 'record.json').read_text())['steps']
+    assert steps.keys() == {'plan', 'rest', 'pads', 'first movement', 'stops', 'foam'}
+    assert steps['pads']['order'] == [0, 1]
+    assert steps['pads']['mountings'] == [[0, False], [2, False]]
+    assert steps['first movement']['opens_rising'] is True
+    trials = [StopTrial(*each) for way in steps['stops']['trials'].values() for each in way]
+    assert len(trials) == 9 and all(trial.is_stopped for trial in trials)
+    found = map_effort(steps['foam']['efforts'], steps['foam']['forces'])
+    assert found.slope.value == pytest.approx(1.0, abs=0.1)
+    report = json.loads((tmp_path / 'report.json').read_text())
+    assert {'gap_offset, gap_scale', 'shift_per_load', 'gripper_step'} <= report['absent'].keys()
+    assert set(yaml.safe_load((tmp_path / 'parameters.yaml').read_text())) == {'/**/touch_gripper'}
 
 
 def ready_record(folder):

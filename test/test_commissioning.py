@@ -3,12 +3,14 @@
 import itertools
 import json
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from bench_commissioning import compared, plan_for
 from commissioning_world import GRID, CommissioningDesk, random_truth
+from launch_stand_in import processes_of, put_stand_ins
 
 from tactile_node.commissioning.changes import Change, find_changes
 from tactile_node.commissioning.commissioned_gripper import Act
@@ -22,8 +24,10 @@ from tactile_node.commissioning.movement import StopWay, upper_bound
 from tactile_node.commissioning.opening_law import KnuckleGap, chord_error, find_law
 from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.pad_mounting import MOUNTINGS, PLACES, REACH, Press, find_mounting
+from tactile_node.commissioning.pad_rest import measure_rest
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
 from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
+from tactile_node.commissioning.recording import PadFrames
 from tactile_node.commissioning.report import report_data, write_report
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
@@ -33,6 +37,7 @@ from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.parameter import table
 from tactile_node.ros import settings
 
+LAUNCH_FILE = Path(__file__).resolve().parents[1] / 'launch' / 'bringup.launch.py'
 SHORT = {'rest_time': 20.0, 'hold_time': 8.0, 'stop_trials': 6, 'closes': 2}
 SEED = 2007  #: Seed of the gripper of these tests; the report has other seeds.
 
@@ -303,6 +308,34 @@ def test_the_parameter_file_sets_only_parameters_that_exist_and_are_in_range(fin
         settings_class(**given)  # refuses an unknown name or limits that contradict each other
 
 
+@pytest.mark.ros
+@pytest.mark.slow
+def test_the_launch_file_reads_the_parameter_file(finished, tmp_path, monkeypatch):
+    """Both processes of the launch file get the file as it is, and their nodes read each value."""
+    import rclpy
+
+    from tactile_node.ros.parameters import declare, read
+    put_stand_ins(monkeypatch)
+    _, plan, path = finished
+    parameters = measured_parameters(Evaluation(CommissioningRecord(path), plan), plan)
+    write_parameters(tmp_path / 'parameters.yaml', parameters)
+    bringup, gripper = processes_of(LAUNCH_FILE, pads='left,right', node_ids='32,64', gripper_action='gripper_cmd',
+                                    params_file=str(tmp_path / 'parameters.yaml'))
+    assert f'--params-file={tmp_path}/parameters.yaml' in bringup['arguments']
+    rclpy.init(args=[*gripper['arguments'], '-r', '__ns:=/'])
+    try:
+        for name, kind in (('grasp', settings.GraspNodeSettings), ('touch_gripper', GripperSettings),
+                           ('classifier', settings.ClassifierSettings)):
+            node = rclpy.create_node(name)
+            declare(node, kind)
+            found = read(node, kind)
+            node.destroy_node()
+            for parameter, value in parameters.nodes[name].items():
+                assert getattr(found, parameter) == (tuple(value) if isinstance(value, list) else value), parameter
+    finally:
+        rclpy.shutdown()
+
+
 def test_an_empty_record_gives_no_parameter_and_no_value(tmp_path):
     _, plan = desk_of()
     found = Evaluation(CommissioningRecord(tmp_path / 'none.json'), plan)
@@ -511,3 +544,16 @@ def test_a_plan_survives_its_record(tmp_path):
     _, plan = desk_of()
     CommissioningRecord(tmp_path / 'record.json').save('plan', asdict(plan))
     assert plan_from(CommissioningRecord(tmp_path / 'record.json')['plan']) == plan
+
+
+def test_frames_with_missing_values_neither_hide_the_noise_nor_lower_the_mean():
+    rng = np.random.default_rng(11)
+    forces = 1.0 + 0.003 * rng.standard_normal((400, 4, 4))
+    forces[7] = np.nan            # a frame without any value
+    forces[100:103, 1] = np.nan   # a lost CAN frame carries a row
+    forces[:, 3, 3] = np.nan      # a dead taxel
+    found = measure_rest(PadFrames(0.02 * np.arange(400), np.arange(400), forces))
+    assert found.noise.value == pytest.approx(0.003, rel=0.05)
+    assert found.drift.is_known
+    assert np.isnan(found.zero[3, 3]) and np.count_nonzero(np.isnan(found.zero)) == 1
+    assert found.zero[1, 0] == pytest.approx(1.0, abs=0.001)

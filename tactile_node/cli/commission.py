@@ -130,7 +130,8 @@ class Terminal:
             Raised if the input has ended (Ctrl-D).
         """
         is_single = len(question.choices) == 1
-        prompt = 'Press Enter when this is done' if is_single else '/'.join(question.choices)
+        prompt = '/'.join(question.choices) if not is_single else 'Press Enter, and then do this' \
+            if question.act.is_recorded else 'Press Enter when this is done'
         self.say(f'\n{question.text}')
         while True:
             print(f'  [{prompt}] ', end='', file=self._texts, flush=True)
@@ -197,7 +198,8 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
     about = {'date': datetime.now().astimezone().isoformat(timespec='minutes'), 'version': tactile_node.__version__,
              'joint': f'{plan.joint}, {plan.low:g} to {plan.high:g} {plan.unit}'}
     write_report(folder / 'report.md', folder / 'report.json', found, parameters, about)
-    person.say(f'\nWritten to {folder}: record.json, parameters.yaml, report.md, report.json.'
+    written = ['record.json', 'report.md', 'report.json', *['parameters.yaml'] * bool(parameters.nodes)]
+    person.say(f'\nWritten to {folder}: {", ".join(written)}.'
                + (f' {len(parameters.absent)} parameters are missing; the report gives the reasons.'
                   if parameters.absent else ''))
 

@@ -41,6 +41,11 @@ class Act(Enum):
     OBJECT = 'hold the object between the pads'
     REPEAT = 'correct a mistake before a part is repeated'
 
+    @property
+    def is_recorded(self) -> bool:
+        """True if the recording of the act begins with the answer, so that the person acts after the answer."""
+        return self in (Act.LEAVE, Act.PRESS, Act.STROKE)
+
 
 class Question(NamedTuple):
     """A question to the person."""

@@ -67,7 +67,8 @@ def _written(each: Measurement) -> str:
     if not each.estimate.is_known:
         return 'unknown'
     value, deviation = each.estimate
-    return f'{value:.4g} +- {deviation:.2g} {each.unit}' if deviation else f'{value:.4g} {each.unit}'
+    unit = '' if each.unit == '1' else f' {each.unit}'
+    return f'{value:.4g} +- {deviation:.2g}{unit}' if deviation else f'{value:.4g}{unit}'
 
 
 def _speed(speed: float) -> str:
