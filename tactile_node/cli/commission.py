@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 GRAVITY = 9.81       #: [m/s²]
 CHECK_REST = 20.0    #: duration of the recording of the untouched pads in a check [s]
 CHECK_TRIALS = 3     #: number of trials of each way to stop in a check
-OPTIONAL = 'foam', 'block', 'step', 'weight', 'proof'
 REFUSED_CODE = 1     #: exit code after a refused step or a change
 DOWN = {'base': (0.0, -1.0), 'tip': (0.0, 1.0), 'left': (-1.0, 0.0), 'right': (1.0, 0.0)}
 SAFETY = '''
@@ -73,7 +72,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_number(tools, '--stop-trials', int, limits={'least': 3}, metavar='N', help='number of trials of each way to '
                'stop (default: 20)')
     tools.add_argument('--skip', type=names, default=[], metavar='STEP,...', help='steps to leave out: '
-                       f'{", ".join(OPTIONAL)}. Steps that need them are left out too. Their values are then missing')
+                       'foam, block, step, weight, proof. Steps that need them are left out too, and the values of all '
+                       'these steps are missing')
     topics = parser.add_argument_group('topics')
     topics.add_argument('--action', default='gripper_controller/gripper_cmd', metavar='NAME', help="gripper's own "
                         'action (default: %(default)s)')
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     person = Terminal(sys.stdin, sys.stdout)
     if args.check:
         _check_record(record, folder)
-    person.say(SAFETY)
+    person.say(f'{SAFETY}\nConnecting to the gripper and the pads ...')
     with interrupted_once(), _connected(args, joint) as (gripper, grid):
         plan = _plan(args, record, grid)
         return _check(gripper, person, plan, record, folder) if args.check else \
@@ -166,6 +166,7 @@ def _check(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', f
     from tactile_node.commissioning.changes import find_changes
     from tactile_node.commissioning.commissioning_record import CommissioningRecord
     from tactile_node.commissioning.mistake import RefusedStepError
+    from tactile_node.commissioning.procedure import OPTIONAL
     path = folder / 'check.json'
     path.unlink(missing_ok=True)
     check = CommissioningRecord(path)
@@ -234,6 +235,7 @@ def _connected(args: argparse.Namespace, joint: str) -> 'Iterator[tuple[RosGripp
 
 
 def _check_options(args: argparse.Namespace) -> None:
+    from tactile_node.commissioning.procedure import OPTIONAL
     if not sys.stdin.isatty():
         raise ConfigurationError('standard input', expected='a terminal, because a person has to watch the gripper',
                                  got='a file or a pipe', remedy='Start the command in a terminal, without "<" or "|".')

@@ -193,7 +193,7 @@ class RosGripper:
     def others(self) -> str:
         """Return the other client that commands the gripper, or '' if there is none."""
         if topics := self._watch.topics:
-            return f'a touch_gripper, heard on {topics[0]}'
+            return f'a touch_gripper or another commissioning, heard on {topics[0]}'
         others = len(self._live - self._own)
         return f'{others} live goals of another client on {self._action}' if others else ''
 
