@@ -142,6 +142,7 @@ def commission(folder, *options):
     finally:
         for each in reversed(processes):
             each.stop()
+        print(processes[1].text[-4000:] if len(processes) > 1 else gripper.text, file=sys.stderr)
 
 
 if __name__ == '__main__':

@@ -13,7 +13,7 @@ from commissioning_world import GRID, CommissioningDesk, random_truth
 from launch_stand_in import processes_of, put_stand_ins
 
 from tactile_node.commissioning.changes import Change, find_changes
-from tactile_node.commissioning.commissioned_gripper import Act
+from tactile_node.commissioning.commissioned_gripper import Act, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
 from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.guarded_gripper import GuardedGripper, Move
@@ -557,3 +557,16 @@ def test_frames_with_missing_values_neither_hide_the_noise_nor_lower_the_mean():
     assert found.drift.is_known
     assert np.isnan(found.zero[3, 3]) and np.count_nonzero(np.isnan(found.zero)) == 1
     assert found.zero[1, 0] == pytest.approx(1.0, abs=0.001)
+
+
+def test_a_lightly_held_object_is_no_emergency_stop():
+    """The force of a small effort on many taxels is below the drift of each of them."""
+    desk, plan = desk_of()
+    desk.ask(Question(Act.FOAM, 'Hold the foam.'))
+    guarded = GuardedGripper(desk, desk, plan)
+    closed = plan.high if desk.truth.closes_rising else plan.low
+    effort = desk.truth.idle_effort * 1.02
+    guarded.move(Move(closed, effort, plan.travel / 4), 'here', may_touch=True)
+    assert 0 < desk._force(guarded.reading) < 0.5
+    guarded.move(Move(closed, 1.01 * effort, plan.travel / 4), 'here', may_touch=True)
+    assert Act.DIRECTION not in [question.act for question in desk.questions]

@@ -131,18 +131,20 @@ class GuardedGripper:
         Raises
         ------
         RefusedStepError
-            Raised as in `watch`, or if the gripper does not move at all.
+            Raised as in `watch`, or if the gripper does not move at all. A gripper that had the same target before may
+            already be held by an object, and need not move.
         """
         if math.isnan(self._reading):
             self.watch(TICK, where, may_touch=True)
-        before = self._reading
+        before, last = self._reading, self._last
         self.command(move)
+        has_stalled = last is not None and self._last is not None and last.position == self._last.position
         recording = self.watch(START_TIME, where, may_touch=may_touch)
         end = self.now() + MOVE_LIMIT
         while not self._is_at_rest(recording) and self.now() < end:
             recording = joined((recording, self.watch(REST_TIME / 2, where, may_touch=may_touch)))
         way = abs(move.position - before)
-        if way > 0.01 * self._plan.travel and contact_force(recording) < TOUCHED \
+        if not has_stalled and way > 0.01 * self._plan.travel and contact_force(recording) < TOUCHED \
                 and abs(self._reading - before) < STILL_SHARE * self._plan.travel:
             raise self.stuck(where)
         return recording

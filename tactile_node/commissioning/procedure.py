@@ -376,8 +376,9 @@ class CommissioningProcedure:
     def _foam(self) -> dict[str, Any]:
         goal = FOAM_SHARE * self._plan.force_limit
         self._insert(Act.FOAM, 'Hold the foam between the pads until the gripper holds it.')
+        rises = np.log(self._plan.most_effort / self._record['first movement']['effort']) / np.log(FOAM_FACTOR)
         self._gripper.consent('foam, with rising effort', Move(self._closed_end, self._plan.most_effort,
-                                                               self._plan.travel / FREE_TIME), goal, 12)
+                                                               self._plan.travel / FREE_TIME), goal, int(rises) + 5)
         stalls = self._attempt(self._squeeze, goal)
         lets_go = {way.value: self._attempt(self._stop_under_load, way, stalls[-1])
                    for way in (StopWay.CANCEL, StopWay.GOAL)}
