@@ -162,6 +162,11 @@ def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, grippe
     found.cancel()
     until(lambda: found.others() == '')
 
+    second = ActionServer(hand.node, parallel, '/hand/gripper_cmd', lambda handle: None)
+    until(lambda: '2 servers' in found.others())
+    second.destroy()
+    until(lambda: found.others() == '')
+
     hand.is_accepting = False
     found.command(0.02, 5.0, 0.01)
     assert found.settle()

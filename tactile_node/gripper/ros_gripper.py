@@ -88,7 +88,7 @@ class RosGripper:
                  steady: Callable[[], float] = time.monotonic):
         # A late import, because it takes 40 ms.
         from sensor_msgs.msg import JointState
-        self._steady, self._joint, self._action = steady, joint, action
+        self._node, self._steady, self._joint, self._action = node, steady, joint, action
         self._interface = gripper_interface(PARALLEL, joint)
         self._lock = threading.Lock()
         self._frames: list[deque[_Frame]] = [deque(maxlen=MOST_WAITING) for _ in pads]
@@ -191,9 +191,14 @@ class RosGripper:
             self._expect(handle.cancel_goal_async())
 
     def others(self) -> str:
-        """Return the other client that commands the gripper, or '' if there is none."""
+        """Return the other client or server of the gripper, or '' if there is none.
+
+        A second server would move another gripper with the same commands.
+        """
         if topics := self._watch.topics:
             return f'a touch_gripper or another commissioning, heard on {topics[0]}'
+        if (servers := self._node.count_publishers(self._status.topic_name)) > 1:
+            return f'{servers} servers of {self._action}'
         others = len(self._live - self._own)
         return f'{others} live goals of another client on {self._action}' if others else ''
 
