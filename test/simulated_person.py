@@ -18,6 +18,7 @@ from pathlib import Path
 from built_messages import BUILT, built_messages, environment_with
 
 ROOT = Path(__file__).resolve().parents[1]
+LIMIT = 400.0  #: Time limit from one question to the next [s].
 LAST = 15  #: Number of the last row and of the last column of a pad.
 BLOCKS = '0.025:0.022,0.040:0.018,0.055:0.014'
 GRIPPER = ('--joint', 'hand_gap', '--unit', 'm', '--limits', '0', '0.09', '--most-effort', '20', '--blocks', BLOCKS,
@@ -57,18 +58,19 @@ class SimulatedPerson:
         self._gripper, self._command = gripper, command
         self._answered = 0  # number of characters that were read
         self._before = 0.0
-        self.questions = []
 
     def run(self):
         """Answer all questions, and return the exit code of the command."""
+        end = time.monotonic() + LIMIT
         while self._command.process.poll() is None:
+            assert time.monotonic() < end, self._command.text
             text = self._command.text[self._answered:]
             if not re.search(r'\[[^\]\n]*\] $', text):
                 time.sleep(0.05)
                 continue
+            end = time.monotonic() + LIMIT
             self._answered += len(text)
             print(text, file=sys.stderr, flush=True)
-            self.questions.append(text)
             self._command.type(self._answer(text))
         return self._command.process.wait()
 
