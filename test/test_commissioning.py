@@ -27,7 +27,7 @@ from tactile_node.commissioning.pad_mounting import MOUNTINGS, PLACES, REACH, Pr
 from tactile_node.commissioning.pad_rest import measure_rest
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
 from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
-from tactile_node.commissioning.recording import PadFrames
+from tactile_node.commissioning.recording import PadFrames, Recording
 from tactile_node.commissioning.report import report_data, write_report
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
@@ -570,3 +570,31 @@ def test_a_lightly_held_object_is_no_emergency_stop():
     assert 0 < desk._force(guarded.reading) < 0.5
     guarded.move(Move(closed, 1.01 * effort, plan.travel / 4), 'here', may_touch=True)
     assert Act.DIRECTION not in [question.act for question in desk.questions]
+
+
+def test_pads_whose_frames_arrive_apart_are_not_silent():
+    desk, plan = desk_of()
+    advance, calls = desk.advance, itertools.count()
+
+    def one_pad_at_a_time(seconds):
+        recording, number = advance(seconds), next(calls) % 2
+        pads = [PadFrames(*(each[:len(each) * (pad == number)] for each in frames))
+                for pad, frames in enumerate(recording.pads)]
+        return recording._replace(pads=tuple(pads))
+    desk.advance = one_pad_at_a_time
+    GuardedGripper(desk, desk, plan).watch(2.0, 'here', may_touch=True)
+
+
+@pytest.mark.parametrize('pad', [0, 1])
+def test_one_silent_pad_stops_the_gripper(pad):
+    desk, plan = desk_of()
+    advance = desk.advance
+
+    def without_pad(seconds):
+        pads = list(advance(seconds).pads)
+        pads[pad] = PadFrames(*(each[:0] for each in pads[pad]))
+        return Recording(tuple(pads), advance(0.01).joint)
+    desk.advance = without_pad
+    with pytest.raises(RefusedStepError) as refused:
+        GuardedGripper(desk, desk, plan).watch(2.0, 'here', may_touch=True)
+    assert refused.value.mistake is Mistake.PADS_SILENT

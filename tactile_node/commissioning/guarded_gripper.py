@@ -61,7 +61,7 @@ class GuardedGripper:
         self.noise = 1e-4 * plan.travel
         self._reading = math.nan
         self._last: Move | None = None
-        self._joint_seen = self._pads_seen = -math.inf
+        self._joint_seen, self._pads_seen = -math.inf, [-math.inf, -math.inf]
 
     def now(self) -> float:
         return self._gripper.now()
@@ -114,7 +114,7 @@ class GuardedGripper:
         begun = self.now()
         end = begun + seconds
         self._joint_seen = max(self._joint_seen, self.now())
-        self._pads_seen = max(self._pads_seen, self.now())
+        self._pads_seen = [max(seen, self.now()) for seen in self._pads_seen]
         while not parts or self.now() < end - 1e-9:
             part = self._without_zero(self._gripper.advance(min(tick, max(end - self.now(), 1e-3))))
             parts.append(part)
@@ -209,15 +209,16 @@ class GuardedGripper:
         now = self.now()
         if len(part.joint.times):
             self._joint_seen, self._reading = now, float(part.joint.positions[-1])
-        if all(len(pad.times) and np.isfinite(pad.forces[-1]).mean() >= SEEN_SHARE for pad in part.pads):
-            self._pads_seen = now
+        for number, pad in enumerate(part.pads):  # the frames of the two pads may arrive in different parts
+            if len(pad.times) and np.isfinite(pad.forces[-1]).mean() >= SEEN_SHARE:
+                self._pads_seen[number] = now
         if who := self._gripper.others():
             return RefusedStepError(where, Mistake.OTHER_CLIENT, expected='no other client of the gripper', got=who,
                                     remedy='Stop the other node.')
         if now - self._joint_seen > SILENCE:
             return RefusedStepError(where, Mistake.SWITCHED_OFF, expected='joint states of the gripper', got='none',
                                     remedy='Switch the gripper on, and start its driver.')
-        if now - self._pads_seen > SILENCE:
+        if now - min(self._pads_seen) > SILENCE:
             return RefusedStepError(where, Mistake.PADS_SILENT, expected='frames of both pads', got='none',
                                     remedy='Start the driver of the skin.')
         slack = OUTSIDE * self._plan.travel
