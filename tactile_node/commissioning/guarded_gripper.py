@@ -218,9 +218,12 @@ class GuardedGripper:
         if now - self._joint_seen > SILENCE:
             return RefusedStepError(where, Mistake.SWITCHED_OFF, expected='joint states of the gripper', got='none',
                                     remedy='Switch the gripper on, and start its driver.')
-        if now - min(self._pads_seen) > SILENCE:
-            return RefusedStepError(where, Mistake.PADS_SILENT, expected='frames of both pads', got='none',
-                                    remedy='Start the driver of the skin.')
+        for number, seen in enumerate(self._pads_seen):
+            if now - seen > SILENCE:
+                got = 'frames without values' if len(part.pads[number].times) else 'none'
+                return RefusedStepError(where, Mistake.PADS_SILENT, got=f'{got} for {now - seen:.2f} s',
+                                        expected=f'frames of pad {number + 1} of the driver',
+                                        remedy='Start the driver of the skin, and look at /diagnostics.')
         slack = OUTSIDE * self._plan.travel
         if not self._plan.low - slack <= self._reading <= self._plan.high + slack:
             return RefusedStepError(where, Mistake.OTHER_JOINT, got=f'{self._reading:.3g}',
