@@ -30,6 +30,27 @@ def interruption() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
+@contextmanager
+def interrupted_once() -> Iterator[None]:
+    """Raise KeyboardInterrupt at the first signal that would end or suspend the process, and ignore further signals.
+
+    The block can then stop a machine without being interrupted again. The signals are SIGINT, SIGTERM, SIGHUP (the
+    terminal was closed) and SIGTSTP (Ctrl-Z).
+    """
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP
+
+    def interrupt(*_: object) -> None:
+        for number in numbers:
+            signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+    before = {number: signal.signal(number, interrupt) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def stop_with(process_id: int, stop_requested: threading.Event) -> None:
     """Set the event when another process ends for any reason.
 

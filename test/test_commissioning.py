@@ -2,16 +2,21 @@
 
 import itertools
 import json
+from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from bench_commissioning import compared, plan_for
 from commissioning_world import GRID, CommissioningDesk, random_truth
+from launch_stand_in import processes_of, put_stand_ins
 
-from tactile_node.commissioning.commissioned_gripper import Act
-from tactile_node.commissioning.commissioning_record import CommissioningRecord
+from tactile_node.commissioning.changes import Change, find_changes
+from tactile_node.commissioning.commissioned_gripper import Act, Question
+from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
 from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.guarded_gripper import GuardedGripper, Move
 from tactile_node.commissioning.lateral_shift import shift_per_load
 from tactile_node.commissioning.measurement import Estimate, Verdict, line_through, mean_of
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
@@ -19,8 +24,10 @@ from tactile_node.commissioning.movement import StopWay, upper_bound
 from tactile_node.commissioning.opening_law import KnuckleGap, chord_error, find_law
 from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.pad_mounting import MOUNTINGS, PLACES, REACH, Press, find_mounting
+from tactile_node.commissioning.pad_rest import measure_rest
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
-from tactile_node.commissioning.procedure import FIRST_SHARE, CommissioningProcedure
+from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
+from tactile_node.commissioning.recording import PadFrames, Recording
 from tactile_node.commissioning.report import report_data, write_report
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
@@ -30,6 +37,7 @@ from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.parameter import table
 from tactile_node.ros import settings
 
+LAUNCH_FILE = Path(__file__).resolve().parents[1] / 'launch' / 'bringup.launch.py'
 SHORT = {'rest_time': 20.0, 'hold_time': 8.0, 'stop_trials': 6, 'closes': 2}
 SEED = 2007  #: Seed of the gripper of these tests; the report has other seeds.
 
@@ -300,6 +308,34 @@ def test_the_parameter_file_sets_only_parameters_that_exist_and_are_in_range(fin
         settings_class(**given)  # refuses an unknown name or limits that contradict each other
 
 
+@pytest.mark.ros
+@pytest.mark.slow
+def test_the_launch_file_reads_the_parameter_file(finished, tmp_path, monkeypatch):
+    """Both processes of the launch file get the file as it is, and their nodes read each value."""
+    import rclpy
+
+    from tactile_node.ros.parameters import declare, read
+    put_stand_ins(monkeypatch)
+    _, plan, path = finished
+    parameters = measured_parameters(Evaluation(CommissioningRecord(path), plan), plan)
+    write_parameters(tmp_path / 'parameters.yaml', parameters)
+    bringup, gripper = processes_of(LAUNCH_FILE, pads='left,right', node_ids='32,64', gripper_action='gripper_cmd',
+                                    params_file=str(tmp_path / 'parameters.yaml'))
+    assert f'--params-file={tmp_path}/parameters.yaml' in bringup['arguments']
+    rclpy.init(args=[*gripper['arguments'], '-r', '__ns:=/'])
+    try:
+        for name, kind in (('grasp', settings.GraspNodeSettings), ('touch_gripper', GripperSettings),
+                           ('classifier', settings.ClassifierSettings)):
+            node = rclpy.create_node(name)
+            declare(node, kind)
+            found = read(node, kind)
+            node.destroy_node()
+            for parameter, value in parameters.nodes[name].items():
+                assert getattr(found, parameter) == (tuple(value) if isinstance(value, list) else value), parameter
+    finally:
+        rclpy.shutdown()
+
+
 def test_an_empty_record_gives_no_parameter_and_no_value(tmp_path):
     _, plan = desk_of()
     found = Evaluation(CommissioningRecord(tmp_path / 'none.json'), plan)
@@ -358,3 +394,207 @@ def test_a_way_to_stop_that_fails_once_is_never_chosen(tmp_path):
     assert Evaluation(record, plan).stop_by is StopWay.GOAL
     record.save('foam', {'kept': {way.value: (0.1, 0.0) for way in StopWay}})
     assert Evaluation(record, plan).stop_by is None
+
+
+# ---- dangers ----
+
+class BlindPads:
+    """A desk whose pads still send frames, but without a value, from the first movement on."""
+
+    def __init__(self, desk):
+        self._desk = desk
+
+    def __getattr__(self, name):
+        return getattr(self._desk, name)
+
+    def advance(self, seconds):
+        recording = self._desk.advance(seconds)
+        if not self._desk.commands:
+            return recording
+        return recording._replace(pads=tuple(pad._replace(forces=np.full_like(pad.forces, np.nan))
+                                             for pad in recording.pads))
+
+
+@pytest.mark.slow
+def test_pads_that_send_no_values_stop_the_gripper(finished, tmp_path):
+    desk, plan = desk_of()
+    record = without(finished[2], tmp_path, 'first movement')
+    with pytest.raises(RefusedStepError) as refused:
+        CommissioningProcedure(BlindPads(desk), desk, plan, record).run()
+    assert refused.value.mistake is Mistake.PADS_SILENT
+    assert desk.cancels
+
+
+def test_a_command_never_leaves_the_limits_of_the_joint():
+    desk, plan = desk_of()
+    guarded = GuardedGripper(desk, desk, plan)
+    for position in (plan.low - 1, plan.high + 1):
+        guarded.command(Move(position, 1.0, 0.01))
+    assert [position for position, *_ in desk.commands] == [plan.low, plan.high]
+
+
+@pytest.mark.slow
+def test_a_joint_without_noise_comes_to_rest(finished, tmp_path, monkeypatch):
+    monkeypatch.setattr('commissioning_world.JOINT_NOISE', 0.0)
+    desk, plan = desk_of()
+    CommissioningProcedure(desk, desk, plan, without(finished[2], tmp_path, 'first movement')).run()
+    assert desk.now() < 100 + 60  # a gripper that never counts as at rest waits for MOVE_LIMIT in each movement
+
+
+def test_a_step_that_needs_a_skipped_step_is_left_out(finished, tmp_path):
+    content = json.loads(finished[2].read_text())
+    content['steps'] = {name: content['steps'][name] for name in ('rest', 'pads', 'first movement', 'stops')}
+    path = tmp_path / 'short.json'
+    path.write_text(json.dumps(content))
+    desk, plan = desk_of()
+    record = CommissioningRecord(path)
+    CommissioningProcedure(desk, desk, plan, record).run(('foam', 'step'))
+    assert record.steps.keys() == {'rest', 'pads', 'first movement', 'stops'}
+    assert not desk.commands
+
+
+# ---- the check ----
+
+
+def truth_changed(**changes):
+    def change(desk):
+        desk.truth = replace(desk.truth, **{name: value(desk.truth) for name, value in changes.items()})
+        desk._springs = [desk._springs_of(number) for number in (0, 1)]
+    return change
+
+
+def zero_changed(pad, value):
+    def change(desk):
+        desk._zero[pad] = value(desk._zero[pad])
+    return change
+
+
+def lose_taxel(truth):
+    return (truth.faulty[0], (*truth.faulty[1], (8, 8)))
+
+
+def turn_left_pad(truth):
+    return ((truth.mounts[0][0] + 1) % 4, truth.mounts[0][1]), truth.mounts[1]
+
+
+CHANGES = {
+    'nothing': (truth_changed(), set()),
+    'taxel': (truth_changed(faulty=lose_taxel), {Change.TAXEL_LOST}),
+    'zero': (zero_changed(0, lambda zero: zero + 0.05), {Change.ZERO_DRIFTED}),
+    'exchanged': (zero_changed(1, lambda zero: 0.01 * np.random.default_rng(9).standard_normal(zero.shape)),
+                  {Change.PAD_EXCHANGED}),
+    'turned': (truth_changed(mounts=turn_left_pad), {Change.PAD_TURNED}),
+    'swapped': (truth_changed(is_swapped=lambda truth: not truth.is_swapped), {Change.PADS_SWAPPED}),
+    'latency': (truth_changed(latency=lambda truth: truth.latency + 0.05), {Change.STARTS_LATER, Change.STOPS_LATER}),
+    'speed': (truth_changed(speed_factor=lambda truth: 0.85 * truth.speed_factor), {Change.SPEED}),
+    'stop': (truth_changed(failing=lambda truth: StopWay.GOAL if truth.failing is not StopWay.GOAL else StopWay.CANCEL,
+                           failing_share=lambda truth: 1.0), {Change.STOP_FAILS})}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('name', [pytest.param(name, marks=() if name == 'exchanged' else pytest.mark.long)
+                                  for name in CHANGES])
+def test_a_check_names_the_change_and_no_other(finished, tmp_path, name):
+    change, expected = CHANGES[name]
+    desk, plan = desk_of()
+    change(desk)
+    record = CommissioningRecord(tmp_path / 'check.json')
+    CommissioningProcedure(desk, desk, replace(plan, stop_trials=3), record).run(OPTIONAL)
+    found = find_changes(CommissioningRecord(finished[2]), record, plan)
+    assert {each.change for each in found} == expected, list(map(str, found))
+
+
+CHANGED_RECORDS = {
+    'taxel': (('pads', 'taxels', 0, 3, 4), TaxelFinding.FAULTY, Change.TAXEL_LOST),
+    'turned': (('pads', 'mountings', 0), [3, True], Change.PAD_TURNED),
+    'direction': (('first movement', 'opens_rising'), None, Change.DIRECTION),
+    'late stop': (('stops', 'trials', 'cancel', 0), (True, 0.01, 0.9, False), Change.STOPS_LATER),
+    'late start': (('stops', 'trials', 'cancel', 0), (True, 0.9, 0.01, False), Change.STARTS_LATER),
+    'failed stop': (('stops', 'trials', 'cancel', 0), (False, 0.01, 0.01, False), Change.STOP_FAILS),
+    'speed': (('stops', 'speed'), (1.0, 1e-6), Change.SPEED),
+    'rate': (('rest', 'pads', 0, 'rate'), 33.0, Change.FRAME_RATE)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('name', CHANGED_RECORDS)
+def test_a_changed_record_shows_its_change(finished, tmp_path, name):
+    path, value, change = CHANGED_RECORDS[name]
+    first = CommissioningRecord(finished[2])
+    content = json.loads(finished[2].read_text())
+    part = content['steps']
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = not part[path[-1]] if value is None else value
+    (tmp_path / 'check.json').write_text(json.dumps(content))
+    found = find_changes(first, CommissioningRecord(tmp_path / 'check.json'), finished[1])
+    assert [each.change for each in found] == [change]
+
+
+@pytest.mark.slow
+def test_a_tared_pad_is_not_taken_for_another_pad(finished, tmp_path):
+    content = json.loads(finished[2].read_text())
+    for number, pad in enumerate(content['steps']['rest']['pads']):
+        pad['zero'] = (1e-5 * np.random.default_rng(number).standard_normal((GRID.rows, GRID.cols))).tolist()
+    (tmp_path / 'check.json').write_text(json.dumps(content))
+    found = find_changes(CommissioningRecord(finished[2]), CommissioningRecord(tmp_path / 'check.json'), finished[1])
+    assert Change.PAD_EXCHANGED not in {each.change for each in found}
+
+
+def test_a_plan_survives_its_record(tmp_path):
+    _, plan = desk_of()
+    CommissioningRecord(tmp_path / 'record.json').save('plan', asdict(plan))
+    assert plan_from(CommissioningRecord(tmp_path / 'record.json')['plan']) == plan
+
+
+def test_frames_with_missing_values_neither_hide_the_noise_nor_lower_the_mean():
+    rng = np.random.default_rng(11)
+    forces = 1.0 + 0.003 * rng.standard_normal((400, 4, 4))
+    forces[7] = np.nan            # a frame without any value
+    forces[100:103, 1] = np.nan   # a lost CAN frame carries a row
+    forces[:, 3, 3] = np.nan      # a dead taxel
+    found = measure_rest(PadFrames(0.02 * np.arange(400), np.arange(400), forces))
+    assert found.noise.value == pytest.approx(0.003, rel=0.05)
+    assert found.drift.is_known
+    assert np.isnan(found.zero[3, 3]) and np.count_nonzero(np.isnan(found.zero)) == 1
+    assert found.zero[1, 0] == pytest.approx(1.0, abs=0.001)
+
+
+def test_a_lightly_held_object_is_no_emergency_stop():
+    """The force of a small effort on many taxels is below the drift of each of them."""
+    desk, plan = desk_of()
+    desk.ask(Question(Act.FOAM, 'Hold the foam.'))
+    guarded = GuardedGripper(desk, desk, plan)
+    closed = plan.high if desk.truth.closes_rising else plan.low
+    effort = desk.truth.idle_effort * 1.02
+    guarded.move(Move(closed, effort, plan.travel / 4), 'here', may_touch=True)
+    assert 0 < desk._force(guarded.reading) < 0.5
+    guarded.move(Move(closed, 1.01 * effort, plan.travel / 4), 'here', may_touch=True)
+    assert Act.DIRECTION not in [question.act for question in desk.questions]
+
+
+def test_pads_whose_frames_arrive_apart_are_not_silent():
+    desk, plan = desk_of()
+    advance, calls = desk.advance, itertools.count()
+
+    def one_pad_at_a_time(seconds):
+        recording, number = advance(seconds), next(calls) % 2
+        pads = [PadFrames(*(each[:len(each) * (pad == number)] for each in frames))
+                for pad, frames in enumerate(recording.pads)]
+        return recording._replace(pads=tuple(pads))
+    desk.advance = one_pad_at_a_time
+    GuardedGripper(desk, desk, plan).watch(2.0, 'here', may_touch=True)
+
+
+@pytest.mark.parametrize('pad', [0, 1])
+def test_one_silent_pad_stops_the_gripper(pad):
+    desk, plan = desk_of()
+    advance = desk.advance
+
+    def without_pad(seconds):
+        pads = list(advance(seconds).pads)
+        pads[pad] = PadFrames(*(each[:0] for each in pads[pad]))
+        return Recording(tuple(pads), advance(0.01).joint)
+    desk.advance = without_pad
+    with pytest.raises(RefusedStepError) as refused:
+        GuardedGripper(desk, desk, plan).watch(2.0, 'here', may_touch=True)
+    assert refused.value.mistake is Mistake.PADS_SILENT

@@ -38,4 +38,5 @@ def test_the_help_lists_each_command_once_and_marks_those_whose_modules_are_miss
     assert len(first) == 11 and sorted(names) == sorted([name for name, _ in COMMANDS] + ['--version'])
     missing = {line.split()[0]: re.findall('rclpy|viser', line) for line in first + more}
     assert {name: found for name, found in missing.items() if found} == {'bringup': ['rclpy'], 'view': ['viser'],
-                                                                               'tare': ['rclpy']}
+                                                                               'tare': ['rclpy'],
+                                                                               'commission': ['rclpy']}

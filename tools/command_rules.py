@@ -54,6 +54,7 @@ RULES = (
     Rule(r'^tactile bringup.*--interface slcan', Kind.TESTED, 'test/test_tutorial.py'),
     Rule(r'^tactile bringup', Kind.TESTED, 'test/test_bringup.py'),
     Rule(r'^tactile tare', Kind.TESTED, 'test/test_driver_recovery.py'),
+    Rule(r'^tactile commission', Kind.TESTED, 'test/test_commission_command.py'),
     Rule(r'^tactile record', Kind.TESTED, 'test/test_can_commands.py'),
     Rule(r'^python -m can.logconvert', Kind.TESTED, 'test/test_logs.py'),
     Rule(r'^tactile report', Kind.TESTED, 'test/test_report_page.py'),

@@ -17,7 +17,7 @@ PLACES = {
     'assembly': (1.0, 2), 'grasp': (4.5, 2), 'pose': (5.9, 2),
     'logs': (1.0, 3), 'commissioning': (4.5, 3), 'learning': (5.9, 3), 'bus': (1.0, 4), 'library': (7.2, 4),
     'sources': (1.0, 5), 'simulator': (2.4, 5), 'ros': (4.4, 5), 'viewing': (6.6, 6), 'nodes': (4.0, 7),
-    'gripper': (3.0, 8), 'cli': (4.6, 8)}
+    'gripper': (3.0, 8), 'cli': (4.6, 9)}
 COLOURS = {'CAN side, no ROS': '#cfe3f5', 'numerical core: neither CAN nor ROS': '#d8efd3',
            'no ROS, with the core': '#d5ecea', 'ROS 2': '#fbe3c4',
            'programs': '#eeeeee'}

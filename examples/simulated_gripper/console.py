@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from examples.simulated_gripper.drive import MAX_EFFORT, Command
+from examples.simulated_gripper.items import ITEMS, item_of
 from examples.simulated_gripper.model import MAX_GAP
 from examples.simulated_gripper.world import AXES, World, random_place
 from tactile_node.errors import InputError, TactileError
@@ -24,6 +25,9 @@ ORDERS: Mapping[str, tuple[str, Callable[[World, list[str]], None]]] = MappingPr
     'stop': ('', lambda world, words: world.stop_gripper()),
     'move': (f'{"|".join(AXES)}=METRES or RADIANS ...', _move),
     'shake': ('[times gravity]', lambda world, words: world.shake(*map(float, words[:1]))),
+    'item': (f'{"|".join(ITEMS)}', lambda world, words: world.exchange(item_of(words[0]))),
+    'press': ('left|right ROW COL [N] [SECONDS]',
+              lambda world, words: world.press(words[0], *map(float, words[1:5]))),
     'place': ('SEED', lambda world, words: world.place(random_place(int(words[0]))))})
 
 HELP = '; '.join(f'{name} {takes}'.strip() for name, (takes, _) in ORDERS.items())

@@ -1,4 +1,5 @@
-"""Items on the table: the five shapes as prisms, a ball, a bottle, a bar, a fragile block and a slippery block."""
+"""Items on the table: the five shapes as prisms, a ball, a bottle, a bar, a fragile block, a slippery block and gauge
+blocks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -56,6 +57,11 @@ def _lying(shape: str, *lengths: float) -> Contact:
     return Contact(shape, lengths, x=0.0, y=0.0, angle=pi)
 
 
+def _gauge_block(width: float, length: float) -> Item:
+    """Return a gauge block for `tactile commission`, whose faces are 6 mm high [m]."""
+    return Item(_lying('rectangle', length, 0.006), length=width)
+
+
 _BLOCK = _lying('square', 0.016)
 
 #: name -> item
@@ -69,7 +75,9 @@ ITEMS: Mapping[str, Item] = MappingProxyType({
     'bottle': Item(_lying('circle', 0.020), length=0.1, mass=0.15, upright=True),
     'bar': Item(_lying('rectangle', 0.060, 0.014), length=0.04, mass=0.08),
     'fragile': Item(_BLOCK, strength=6.0),
-    'slippery': Item(_BLOCK, friction=0.1)})
+    'slippery': Item(_BLOCK, friction=0.1),
+    'block_25': _gauge_block(0.025, 0.022), 'block_40': _gauge_block(0.040, 0.018),
+    'block_55': _gauge_block(0.055, 0.014)})
 
 
 def item_of(name: str) -> Item:

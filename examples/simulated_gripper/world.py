@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.planner_world import ROWS
+from bench.planner_world import PITCH, ROWS
 from examples.simulated_gripper.drive import Command, Drive
 from examples.simulated_gripper.items import Item
 from examples.simulated_gripper.model import MAX_GAP, STEP, model_of
@@ -32,6 +32,7 @@ GRAVITY = 9.81            #: [m/s²]
 SHAKE_FREQUENCY = 6.0     #: [Hz]
 LOOP_PERIOD = 0.004       #: period of the thread [s]
 PULL_STIFFNESS = 2000.0   #: [N/m]
+FINGER = 0.003            #: standard deviation of the pressure under a person's finger [m]
 MOST_BEHIND = 0.1         #: longest delay that the thread makes up for; it skips the rest [s]
 
 
@@ -51,6 +52,16 @@ class Place(NamedTuple):
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
+
+
+class Finger(NamedTuple):
+    """A person's finger on a pad."""
+
+    side: str
+    row: float     #: place of the finger's middle
+    col: float
+    force: float   #: [N]
+    until: float   #: simulated time at which the finger leaves the pad [s]
 
 
 AIM = Place()
@@ -87,16 +98,49 @@ class World:
         if mujoco is None:
             raise ConfigurationError('simulated gripper', expected='MuJoCo', got='no module of that name',
                                      remedy='Install it: pip install -r requirements/bench_physics.txt')
-        self.item, self._has_sensors = item, has_sensors
-        self.model = mujoco.MjModel.from_xml_string(model_of(item, has_sensors))
-        self.data = mujoco.MjData(self.model)
+        self._has_sensors = has_sensors
+        self._fingers: list[Finger] = []
         self.lock = threading.RLock()  #: locked while the physics advances
-        self._geom = self.model.geom('item').id
-        self._skins = {self.model.geom(f'{side}_skin').id: side for side in SIDES}
+        self._load(item)
         self._running: threading.Thread | None = None
         self._stopping = threading.Event()
         self.left_out = 0.0            #: real time that the thread skipped because the machine was too slow [s]
         self.place(place)
+
+    def _load(self, item: Item) -> None:
+        self.item = item
+        self.model = mujoco.MjModel.from_xml_string(model_of(item, self._has_sensors))
+        self.data = mujoco.MjData(self.model)
+        self._geom = self.model.geom('item').id
+        self._skins = {self.model.geom(f'{side}_skin').id: side for side in SIDES}
+
+    def exchange(self, item: Item) -> None:
+        """Put another item on the stand at the aim, and reset the hand to open and lowered."""
+        with self.lock:
+            now = self.now
+            self._load(item)
+            self.data.time = now
+            self.place()
+
+    def press(self, side: str, row: float, col: float, force: float = 5.0, seconds: float = 2.5) -> None:
+        """Press a pad with a finger. Raises InputError.
+
+        Parameters
+        ----------
+        side
+            left or right.
+        row, col
+            Place of the finger's middle on the pad, from 0.
+        force
+            Force [N].
+        seconds
+            Duration [s].
+        """
+        if side not in SIDES:
+            raise InputError('press', expected=' or '.join(SIDES), got=repr(side), remedy='Name a pad.')
+        with self.lock:
+            self._fingers = [each for each in self._fingers if each.until > self.now]
+            self._fingers.append(Finger(side, row, col, force, self.now + seconds))
 
     def place(self, place: Place = AIM) -> None:
         """Put an intact item on the stand at ``place``, and reset the hand to open and lowered."""
@@ -197,9 +241,10 @@ class World:
         """Return the taxel values of the pad on ``side``, (rows, cols) [Pa]."""
         with self.lock:
             pose, force, load = self.item_in(side), self._forces[side], self.load(side)
+            fingers = self._pressed(side)
             if self._has_sensors:
-                return by_depth(self.data.sensor(side).data[:ROWS**2].reshape(ROWS, ROWS), force)
-        return pressures(self.item, pose, force, load)
+                return fingers + by_depth(self.data.sensor(side).data[:ROWS**2].reshape(ROWS, ROWS), force)
+        return fingers + pressures(self.item, pose, force, load)
 
     def load(self, side: str) -> np.ndarray:
         """Return the force along x and y of a pad's frame with which the item pulls the skin [N]."""
@@ -210,6 +255,16 @@ class World:
                     force = contact.frame.reshape(3, 3).T @ wrench[:3]
                     total += force if contact.geom[1] == other else -force
             return (self.data.site(f'{side}_pad').xmat.reshape(3, 3).T @ total)[:2]
+
+    def _pressed(self, side: str) -> np.ndarray:
+        """Return the pressures of the fingers on a pad, (rows, cols) [Pa]."""
+        found = np.zeros((ROWS, ROWS))
+        for finger in self._fingers:
+            if finger.side == side and finger.until > self.now:
+                row, col = (np.exp(-((np.arange(ROWS) - middle) * PITCH / FINGER)**2 / 2)
+                            for middle in (finger.row, finger.col))
+                found += finger.force * np.outer(row, col) / (2 * pi * FINGER**2)
+        return found
 
     def step(self, seconds: float) -> None:
         """Advance the physics by ``seconds``, as fast as possible."""

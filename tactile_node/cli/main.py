@@ -33,6 +33,7 @@ COMMANDS = (
     ('calibrate', "measure a skin's response with presses of a known disc"),
     ('teach', 'teach the recogniser your own shapes'),
     ('assess', 'report how reliable recognition is on your own skin, and adapt the model'),
+    ('commission', 'measure a gripper and its pads on the desk, and write its parameters'),
     ('sdo', 'read or write one object of a device'),
     ('completion', 'print a shell script for TAB completion of `tactile`'),
 )
@@ -43,7 +44,8 @@ RUNS_NODES = 'bringup'
 
 #: Modules without which a command is of no use. The help text lists the missing ones.
 NEEDED = {'simulate': ('termios',), 'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',),
-          'tare': ('rclpy', 'tactile_skin'), 'completion': ('argcomplete',)}
+          'tare': ('rclpy', 'tactile_skin'), 'commission': ('rclpy', 'tactile_skin', 'control_msgs'),
+          'completion': ('argcomplete',)}
 _ROS = 'Source a ROS 2 workspace that contains tactile_skin, or run `make setup` once.'
 #: Remedies for missing modules, by module name.
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,

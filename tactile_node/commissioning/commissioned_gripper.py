@@ -22,11 +22,11 @@ class CommissionedGripper(Protocol):
         """Cancel all goals."""
 
     def others(self) -> str:
-        """Return who else commands the gripper, for example a touch_gripper node; '' for nobody."""
+        """Return the other client that commands the gripper, for example touch_gripper, or '' if there is none."""
 
 
 class Act(Enum):
-    """What a question asks the person to do."""
+    """Action that a question asks of the person."""
 
     CONFIRM_STOP = 'confirm that the emergency stop is in reach'
     CONSENT = 'consent to a series of movements'
@@ -40,6 +40,11 @@ class Act(Enum):
     WEIGHT = 'hang the weight on the object'
     OBJECT = 'hold the object between the pads'
     REPEAT = 'correct a mistake before a part is repeated'
+
+    @property
+    def is_recorded(self) -> bool:
+        """True if the recording of the act begins with the answer, so that the person acts after the answer."""
+        return self in (Act.LEAVE, Act.PRESS, Act.STROKE)
 
 
 class Question(NamedTuple):

@@ -10,6 +10,8 @@ import numpy as np
 from tactile_node.commissioning.block_grip import BlockGrip, Print
 from tactile_node.commissioning.lateral_shift import HungWeight
 from tactile_node.commissioning.measurement import Estimate
+from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
+from tactile_node.commissioning.recording import PadGrid
 from tactile_node.errors import InputError
 from tactile_node.output_file import output_file
 
@@ -65,6 +67,13 @@ class CommissioningRecord:
     def _refusal(self, got: str) -> InputError:
         return InputError(str(self._path), expected=f'a record of a commissioning, version {VERSION}', got=got,
                           remedy='Name another file.')
+
+
+def plan_from(content: Mapping[str, Any]) -> CommissioningPlan:
+    """Return a plan from the JSON of its fields."""
+    blocks = tuple(GaugeBlock(**each) for each in content['blocks'])
+    lists = {'grid': PadGrid(*content['grid']), 'blocks': blocks, 'down': tuple(content['down'])}
+    return CommissioningPlan(**dict(content) | lists)
 
 
 def grip_from(content: Mapping[str, Any]) -> BlockGrip:

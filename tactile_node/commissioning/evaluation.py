@@ -50,7 +50,7 @@ class Evaluation:
     record : CommissioningRecord
         Results of the steps.
     plan : CommissioningPlan
-        What the person stated about the gripper.
+        Properties of the gripper from its data sheet.
     """
 
     def __init__(self, record: CommissioningRecord, plan: CommissioningPlan):

@@ -23,6 +23,8 @@ STILL_SHARE = 0.002    #: A movement by less than this share of the travel does 
 ZERO_TIME = 1.0        #: Duration of the recording for a new zero [s].
 MOST_DRIFT = 0.03      #: Largest change of a taxel that counts as drift [N].
 OUTSIDE = 0.1          #: Share of the travel by which a reading may lie outside the limits of the joint.
+SEEN_SHARE = 0.5       #: Share of the taxels of a pad below which the pad counts as silent, because it sends no values.
+LEAST_NOISE = 1e-5     #: Noise of a joint whose reading does not change at rest [share of the travel].
 HARD_LIMIT = 1.5       #: Share of the force limit above which the guard stops the gripper.
 
 
@@ -59,7 +61,7 @@ class GuardedGripper:
         self.noise = 1e-4 * plan.travel
         self._reading = math.nan
         self._last: Move | None = None
-        self._joint_seen = self._pads_seen = -math.inf
+        self._joint_seen, self._pads_seen = -math.inf, [-math.inf, -math.inf]
 
     def now(self) -> float:
         return self._gripper.now()
@@ -93,8 +95,10 @@ class GuardedGripper:
         self._gripper.cancel()
 
     def command(self, move: Move) -> None:
-        self._last = move
-        self._gripper.command(*move)
+        """Command a movement to a position within the limits of the joint, because a gripper may reject others."""
+        position = min(max(move.position, self._plan.low), self._plan.high)
+        self._last = move._replace(position=position)
+        self._gripper.command(*self._last)
 
     def watch(self, seconds: float, where: str, *, may_touch: bool, is_over: Callable[[Recording], bool] | None = None,
               tick: float = TICK) -> Recording:
@@ -110,7 +114,7 @@ class GuardedGripper:
         begun = self.now()
         end = begun + seconds
         self._joint_seen = max(self._joint_seen, self.now())
-        self._pads_seen = max(self._pads_seen, self.now())
+        self._pads_seen = [max(seen, self.now()) for seen in self._pads_seen]
         while not parts or self.now() < end - 1e-9:
             part = self._without_zero(self._gripper.advance(min(tick, max(end - self.now(), 1e-3))))
             parts.append(part)
@@ -127,18 +131,20 @@ class GuardedGripper:
         Raises
         ------
         RefusedStepError
-            Raised as in `watch`, or if the gripper does not move at all.
+            Raised as in `watch`, or if the gripper does not move at all. A gripper that had the same target before may
+            already be held by an object, and need not move.
         """
         if math.isnan(self._reading):
             self.watch(TICK, where, may_touch=True)
-        before = self._reading
+        before, last = self._reading, self._last
         self.command(move)
+        has_stalled = last is not None and self._last is not None and last.position == self._last.position
         recording = self.watch(START_TIME, where, may_touch=may_touch)
         end = self.now() + MOVE_LIMIT
         while not self._is_at_rest(recording) and self.now() < end:
             recording = joined((recording, self.watch(REST_TIME / 2, where, may_touch=may_touch)))
         way = abs(move.position - before)
-        if way > 0.01 * self._plan.travel and contact_force(recording) < TOUCHED \
+        if not has_stalled and way > 0.01 * self._plan.travel and contact_force(recording) < TOUCHED \
                 and abs(self._reading - before) < STILL_SHARE * self._plan.travel:
             raise self.stuck(where)
         return recording
@@ -170,7 +176,7 @@ class GuardedGripper:
     def measure_noise(self, where: str) -> float:
         """Return the noise of the joint, and keep it as ``noise``."""
         recording = self.watch(1.0, where, may_touch=True)
-        self.noise = joint_noise(recording.joint)
+        self.noise = max(joint_noise(recording.joint), LEAST_NOISE * self._plan.travel)
         return self.noise
 
     def renew_zero(self, where: str) -> None:
@@ -203,17 +209,21 @@ class GuardedGripper:
         now = self.now()
         if len(part.joint.times):
             self._joint_seen, self._reading = now, float(part.joint.positions[-1])
-        if all(len(pad.times) for pad in part.pads):
-            self._pads_seen = now
+        for number, pad in enumerate(part.pads):  # the frames of the two pads may arrive in different parts
+            if len(pad.times) and np.isfinite(pad.forces[-1]).mean() >= SEEN_SHARE:
+                self._pads_seen[number] = now
         if who := self._gripper.others():
             return RefusedStepError(where, Mistake.OTHER_CLIENT, expected='no other client of the gripper', got=who,
                                     remedy='Stop the other node.')
         if now - self._joint_seen > SILENCE:
             return RefusedStepError(where, Mistake.SWITCHED_OFF, expected='joint states of the gripper', got='none',
                                     remedy='Switch the gripper on, and start its driver.')
-        if now - self._pads_seen > SILENCE:
-            return RefusedStepError(where, Mistake.PADS_SILENT, expected='frames of both pads', got='none',
-                                    remedy='Start the driver of the skin.')
+        for number, seen in enumerate(self._pads_seen):
+            if now - seen > SILENCE:
+                got = 'frames without values' if len(part.pads[number].times) else 'none'
+                return RefusedStepError(where, Mistake.PADS_SILENT, got=f'{got} for {now - seen:.2f} s',
+                                        expected=f'frames of pad {number + 1} of the driver',
+                                        remedy='Start the driver of the skin, and look at /diagnostics.')
         slack = OUTSIDE * self._plan.travel
         if not self._plan.low - slack <= self._reading <= self._plan.high + slack:
             return RefusedStepError(where, Mistake.OTHER_JOINT, got=f'{self._reading:.3g}',

@@ -21,6 +21,7 @@ class Mistake(Enum):
     HAND_BETWEEN = 'something touched the pads'
     SWITCHED_OFF = 'gripper switched off'
     EMERGENCY_STOP = 'gripper does not move'
+    COMMAND_REJECTED = 'command rejected'
     OTHER_CLIENT = 'another node commands the gripper'
     OTHER_JOINT = 'joint states of another joint'
     PULLED_OUT = 'object pulled out'

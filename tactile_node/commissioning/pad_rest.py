@@ -8,7 +8,7 @@ from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, mean_
 from tactile_node.commissioning.recording import PadFrames
 
 BLOCKS = 10         #: Number of parts of the recording from whose means the drift is computed.
-LEAST_FRAMES = 100  #: Smallest number of frames.
+LEAST_FRAMES = 100  #: Smallest number of frames with values.
 
 
 class PadRest(NamedTuple):
@@ -17,24 +17,27 @@ class PadRest(NamedTuple):
     noise: Estimate      #: standard deviation of a taxel [N]
     drift: Estimate      #: change of the mean zero of a taxel [N/s]
     rate: float          #: frames per second, including lost frames
-    lost: float          #: share of lost frames
+    lost: float          #: share of frames that were lost or had no value
     zero: np.ndarray     #: mean reading of each taxel, (rows, cols) [N]
 
 
 def measure_rest(frames: PadFrames) -> PadRest | None:
-    """Return the properties of an untouched pad, or None for fewer than LEAST_FRAMES frames."""
+    """Return the properties of an untouched pad, or None for fewer than LEAST_FRAMES frames with values."""
     count = len(frames.times)
-    if count < LEAST_FRAMES:
+    zero = frames.mean
+    forces = frames.forces.reshape(count, -1)[:, np.isfinite(zero).ravel()]
+    is_known = np.isfinite(forces).any(1)  # a frame may arrive without any value
+    if np.count_nonzero(is_known) < LEAST_FRAMES:
         return None
-    forces = frames.forces.reshape(count, -1)
-    each = np.diff(forces, axis=0).std(0) / np.sqrt(2)  # differences contain no drift
+    each = np.nanstd(np.diff(forces[is_known], axis=0), axis=0) / np.sqrt(2)  # differences contain no drift
     alive = each[each > 0]
     noise = Estimate(float(np.sqrt(np.mean(alive ** 2))), float(np.std(alive, ddof=1) / np.sqrt(alive.size))) \
         if alive.size > 1 else NOT_MEASURED
     sent = int(frames.sequences[-1] - frames.sequences[0]) + 1
     seconds = float(frames.times[-1] - frames.times[0])
-    return PadRest(noise, _drift(frames.times, np.nanmean(forces[:, each > 0], axis=1)), (sent - 1) / seconds,
-                   1 - count / sent, np.nanmean(frames.forces, axis=0))
+    drift = _drift(frames.times[is_known], np.nanmean(forces[is_known][:, each > 0], axis=1)) \
+        if alive.size else NOT_MEASURED
+    return PadRest(noise, drift, (sent - 1) / seconds, 1 - np.count_nonzero(is_known) / sent, zero)
 
 
 def _drift(times: np.ndarray, means: np.ndarray) -> Estimate:

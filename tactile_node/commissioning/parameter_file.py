@@ -20,7 +20,7 @@ from tactile_node.output_file import output_file
 FRAME = 'left_pad_centre'
 #: Share of the allowed speed that is written, so that rounding does not exceed the allowed overshoot.
 SPEED_SHARE = 0.99
-HEAD = '''# Parameters that `tactile_node.commissioning` has measured. Pass this file with params_file:=.
+HEAD = '''# Parameters that `tactile commission` has measured. Pass this file with params_file:=.
 # A parameter that is missing here was not measured; the report gives the reason.
 # The poses are relative only: {frame} lies in the middle of the left skin, with z towards the right pad.
 '''

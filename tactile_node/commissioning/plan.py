@@ -1,4 +1,4 @@
-"""What the person states about the gripper, and how much is measured."""
+"""Describe the gripper as its data sheet does, and state how much is measured."""
 
 from dataclasses import dataclass
 

@@ -5,7 +5,7 @@ stops the gripper, is explained, and repeats only the part in which the mistake 
 and knows no ROS: it talks to a `CommissionedGripper` and a `Person`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, TypeVar
 
 import numpy as np
@@ -42,6 +42,9 @@ from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 
 Result = TypeVar('Result')
 PADS = 'left', 'right'
+OPTIONAL = 'foam', 'block', 'step', 'weight', 'proof'  #: Steps that may be left out. All blocks are one of them.
+#: Steps whose results a step needs.
+NEEDED = {'block': ('foam',), 'weight': ('foam',), 'proof': ('foam', 'block')}
 REPEATS = 3             #: Number of attempts of each part of a step.
 PRESS_TIME = 4.0        #: Duration of the recording of a press [s].
 STROKE_TIME = 15.0      #: Duration of the recording in which the person presses everywhere [s].
@@ -74,6 +77,11 @@ LOOSE_SHARE = 0.3       #: Share of the force below which the object was pulled 
 AGE_TIME = 5.0          #: Time over which the age of the frames is observed [s].
 
 
+def kind_of(step: str) -> str:
+    """Return the name of a step without the width of a block."""
+    return 'block' if step.startswith('block ') else step
+
+
 class CommissioningProcedure:
     """The steps of a commissioning.
 
@@ -82,16 +90,18 @@ class CommissioningProcedure:
     gripper, person
         The gripper with its pads, and the person beside it.
     plan : CommissioningPlan
-        What the person states about the gripper.
+        Properties of the gripper from its data sheet, and durations of the steps.
     record : CommissioningRecord
         Results of the steps. Finished steps are not repeated.
+    on_step : callable
+        Function that is called with the name of each step before the step begins.
     """
 
     def __init__(self, gripper: CommissionedGripper, person: Person, plan: CommissioningPlan,
-                 record: CommissioningRecord):
+                 record: CommissioningRecord, on_step: Callable[[str], None] = lambda name: None):
         self._gripper = GuardedGripper(gripper, person, plan)
         self._others = gripper.others
-        self._person, self._plan, self._record = person, plan, record
+        self._person, self._plan, self._record, self._on_step = person, plan, record, on_step
         self.refused: list[tuple[str, RefusedStepError]] = []  #: parts that were refused, with the reason
         self._gripper.noise = record.get('first movement').get('noise', self._gripper.noise)
         self._order: tuple[int, ...] = ()  # numbers of the left and the right pad
@@ -106,8 +116,13 @@ class CommissioningProcedure:
                 **{f'block {1e3 * block.width:g} mm': self._block_step(block) for block in self._plan.blocks},
                 'step': self._step, 'weight': self._weight, 'proof': self._proof}
 
-    def run(self) -> None:
+    def run(self, skip: Collection[str] = ()) -> None:
         """Carry out all steps that are not finished.
+
+        Parameters
+        ----------
+        skip : collection of str
+            Steps of OPTIONAL to leave out. A step that needs one of them is left out as well.
 
         Raises
         ------
@@ -123,15 +138,20 @@ class CommissioningProcedure:
                                    remedy='Put the emergency stop within your reach.')
         try:
             for name, step in self.steps.items():
-                if name not in self._record:
+                kind = kind_of(name)
+                if name not in self._record and kind not in skip and self._has_finished(NEEDED.get(kind, ())):
+                    self._on_step(name)
                     self._record.save(name, step())
         except BaseException:  # Ctrl-C stops the gripper as well
             self._gripper.stop()
             raise
 
+    def _has_finished(self, kinds: Collection[str]) -> bool:
+        return all(name in self._record for name in self.steps if kind_of(name) in kinds)
+
     @property
     def _found(self) -> Evaluation:
-        """What the finished steps show."""
+        """Evaluation of the finished steps."""
         return Evaluation(self._record, self._plan)
 
     def _attempt(self, part: Callable[..., Result], *given: Any) -> Result:
@@ -356,8 +376,9 @@ class CommissioningProcedure:
     def _foam(self) -> dict[str, Any]:
         goal = FOAM_SHARE * self._plan.force_limit
         self._insert(Act.FOAM, 'Hold the foam between the pads until the gripper holds it.')
+        rises = np.log(self._plan.most_effort / self._record['first movement']['effort']) / np.log(FOAM_FACTOR)
         self._gripper.consent('foam, with rising effort', Move(self._closed_end, self._plan.most_effort,
-                                                               self._plan.travel / FREE_TIME), goal, 12)
+                                                               self._plan.travel / FREE_TIME), goal, int(rises) + 5)
         stalls = self._attempt(self._squeeze, goal)
         lets_go = {way.value: self._attempt(self._stop_under_load, way, stalls[-1])
                    for way in (StopWay.CANCEL, StopWay.GOAL)}

@@ -23,8 +23,9 @@ class PadFrames(NamedTuple):
 
     @property
     def mean(self) -> np.ndarray:
-        """Mean force on each taxel, (rows, cols) [N]."""
-        return self.forces.mean(0)
+        """Mean of the known forces on each taxel, (rows, cols) [N]; NaN if a taxel has no value in any frame."""
+        known = np.isfinite(self.forces).sum(0)
+        return np.where(known > 0, np.nansum(self.forces, axis=0) / np.maximum(known, 1), np.nan)
 
 
 class JointStates(NamedTuple):

@@ -23,7 +23,7 @@ def write_report(page: str | Path, data: str | Path, found: Evaluation, paramete
     page, data : str or Path
         The two files.
     found : Evaluation
-        What the commissioning has shown.
+        Results of the commissioning.
     parameters : MeasuredParameters
         The parameters of the parameter file.
     about : mapping of str to str
@@ -67,7 +67,8 @@ def _written(each: Measurement) -> str:
     if not each.estimate.is_known:
         return 'unknown'
     value, deviation = each.estimate
-    return f'{value:.4g} +- {deviation:.2g} {each.unit}' if deviation else f'{value:.4g} {each.unit}'
+    unit = '' if each.unit == '1' else f' {each.unit}'
+    return f'{value:.4g} +- {deviation:.2g}{unit}' if deviation else f'{value:.4g}{unit}'
 
 
 def _speed(speed: float) -> str:

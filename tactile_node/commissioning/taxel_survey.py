@@ -12,7 +12,7 @@ LEAST_PRESSED = 0.6  #: Share of the neighbours that must have been pressed befo
 
 
 class TaxelFinding(IntEnum):
-    """What is known about a taxel after all presses."""
+    """Finding about a taxel after all presses."""
 
     UNKNOWN = 0  #: nothing pressed the taxel
     WORKS = 1

@@ -1,0 +1,175 @@
+"""Compare a check with the first commissioning, and name the changes of the pads and of the gripper."""
+
+from collections.abc import Mapping
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_node.commissioning.commissioning_record import CommissioningRecord
+from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.guarded_gripper import MOST_DRIFT
+from tactile_node.commissioning.measurement import Estimate
+from tactile_node.commissioning.movement import StopTrial, StopWay
+from tactile_node.commissioning.pad_mounting import PadMounting
+from tactile_node.commissioning.plan import CommissioningPlan
+from tactile_node.commissioning.taxel_survey import TaxelFinding
+
+COMPARED = 'rest', 'pads', 'first movement', 'stops'  #: Steps that both records need.
+SAME_PAD = 0.7        #: Correlation of two zeros from which they belong to one pad.
+OTHER_PAD = 0.3       #: Correlation of two zeros below which they belong to different pads.
+CLEAR_PATTERN = 10.0  #: Spread of a zero over the taxels that identifies a pad [standard deviations of its mean].
+RATE_CHANGE = 0.05    #: Change of a rate or a speed that is reported.
+SPEED_SIGMAS = 3.0    #: Change of the speed that is reported [standard deviations].
+
+
+class Change(Enum):
+    """Kind of a change."""
+
+    PADS_SWAPPED = 'the pads are swapped'
+    PAD_TURNED = 'the pad is mounted in another way'
+    PAD_EXCHANGED = 'the pad was exchanged, or each of its taxels has drifted in its own way'
+    ZERO_DRIFTED = 'the zero has drifted'
+    TAXEL_LOST = 'a taxel is gone'
+    FRAME_RATE = 'the frame rate is different'
+    DIRECTION = 'the gripper opens in the other direction'
+    STARTS_LATER = 'the gripper starts to move later after a command'
+    STOPS_LATER = 'the gripper stops later'
+    STOP_FAILS = 'a stop has failed'
+    SPEED = 'the gripper moves at another speed'
+
+
+class Finding(NamedTuple):
+    """One change since the first commissioning."""
+
+    change: Change
+    where: str
+    before: str
+    now: str
+
+    def __str__(self) -> str:
+        return f'{self.where}: {self.change.value}: {self.now}, was {self.before}'
+
+
+def find_changes(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan) -> list[Finding]:
+    """Return the changes between two records that contain the steps COMPARED.
+
+    A pad is identified by the pattern of its zero over the taxels. After a tare, the zero has no pattern, so an
+    exchanged pad is then not found.
+
+    Parameters
+    ----------
+    first, check : CommissioningRecord
+        Results of the first commissioning and of the check.
+    plan : CommissioningPlan
+        Plan of the first commissioning.
+    """
+    pads = [] if first['pads']['order'] == check['pads']['order'] else [Finding(
+        Change.PADS_SWAPPED, 'pads', _left_pad(first), _left_pad(check))]
+    partners = _partners(first, check)
+    for now, then in enumerate(partners):
+        pads += _changes_of_pad(first, check, then, now)
+    return pads + _changes_of_gripper(first, check, plan)
+
+
+def _left_pad(record: CommissioningRecord) -> str:
+    return f'the left pad is pad {record["pads"]["order"][0] + 1} of the driver'
+
+
+def _partners(first: CommissioningRecord, check: CommissioningRecord) -> tuple[int, int]:
+    """Return the number of each pad of the driver in the first record. The pads of the driver may be renamed."""
+    likeness = np.array([[_correlation(first, check, then, now) for then in (0, 1)] for now in (0, 1)])
+    crossed = likeness[0, 1] + likeness[1, 0] > likeness[0, 0] + likeness[1, 1]
+    is_swapped = first['pads']['order'] != check['pads']['order']
+    return (1, 0) if is_swapped and crossed else (0, 1)
+
+
+def _zeros(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> tuple[np.ndarray,
+                                                                                                 np.ndarray]:
+    """Return both zeros of the taxels that work in both records, (N,) [N]."""
+    zeros = [np.array(record['rest']['pads'][pad]['zero'], float) for record, pad in ((first, then), (check, now))]
+    works = [_taxels(record)[pad] != TaxelFinding.FAULTY for record, pad in ((first, then), (check, now))]
+    used = np.isfinite(zeros[0]) & np.isfinite(zeros[1]) & works[0] & works[1]
+    return zeros[0][used], zeros[1][used]
+
+
+def _correlation(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> float:
+    """Return the correlation of two zeros; NaN if a zero shows no pattern."""
+    zeros = _zeros(first, check, then, now)
+    for record, pad, zero in ((first, then, zeros[0]), (check, now, zeros[1])):
+        rest = record['rest']['pads'][pad]
+        error = rest['noise'][0] / np.sqrt(rest['rate'])  # of the mean of at least one second
+        if zero.size < 2 or not zero.std() > CLEAR_PATTERN * error:
+            return float('nan')
+    return float(np.corrcoef(*zeros)[0, 1])
+
+
+def _taxels(record: CommissioningRecord) -> dict[int, np.ndarray]:
+    """Return the TaxelFinding of each taxel by number of the pad in the driver."""
+    return {pad: np.array(found) for pad, found in zip(record['pads']['order'], record['pads']['taxels'])}
+
+
+def _mountings(record: CommissioningRecord) -> dict[int, PadMounting]:
+    return {pad: PadMounting(*each) for pad, each in zip(record['pads']['order'], record['pads']['mountings'])}
+
+
+def _changes_of_pad(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> list[Finding]:
+    where = f'pad {now + 1} of the driver'
+    found = []
+    before, after = _mountings(first)[then], _mountings(check)[now]
+    if before != after:
+        found.append(Finding(Change.PAD_TURNED, where, str(before), str(after)))
+    likeness = _correlation(first, check, then, now)
+    if likeness < OTHER_PAD:
+        found.append(Finding(Change.PAD_EXCHANGED, where, 'at least 0.7 for the same pad',
+                             f'correlation of the zeros {likeness:.2f}'))
+    else:
+        zeros = _zeros(first, check, then, now)
+        change = np.abs(zeros[1] - zeros[0])
+        if (change > MOST_DRIFT).any():
+            found.append(Finding(Change.ZERO_DRIFTED, where, '0 N', f'up to {change.max():.3f} N on '
+                                 f'{np.count_nonzero(change > MOST_DRIFT)} taxels'))
+    lost = (_taxels(first)[then] == TaxelFinding.WORKS) & (_taxels(check)[now] == TaxelFinding.FAULTY)
+    found += [Finding(Change.TAXEL_LOST, f'{where}, taxel ({row}, {col})', 'working', 'still while its neighbours move')
+              for row, col in np.argwhere(lost)]
+    rates = [record['rest']['pads'][pad]['rate'] for record, pad in ((first, then), (check, now))]
+    if abs(rates[1] - rates[0]) > RATE_CHANGE * rates[0]:
+        found.append(Finding(Change.FRAME_RATE, where, f'{rates[0]:.4g} Hz', f'{rates[1]:.4g} Hz'))
+    return found
+
+
+def _changes_of_gripper(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan
+                        ) -> list[Finding]:
+    before, found = Evaluation(first, plan), []
+    rising = [record['first movement']['opens_rising'] for record in (first, check)]
+    if rising[0] != rising[1]:
+        words = ['opens as the reading rises' if each else 'opens as the reading falls' for each in rising]
+        found.append(Finding(Change.DIRECTION, 'gripper', *words))
+    trials = _trials(check['stops'])
+    latest = max(trial.started for each in trials.values() for trial in each)
+    if latest > before.start_latency:
+        found.append(_later(Change.STARTS_LATER, 'gripper', before.start_latency, latest))
+    for way in StopWay:
+        where, count = f'stop by {way.value}', sum(trial.is_stopped for trial in trials[way])
+        if not before.stop_count(way).is_reliable:
+            continue
+        if count < len(trials[way]):
+            found.append(Finding(Change.STOP_FAILS, where, 'no failed stop', f'{count} of {len(trials[way])} stopped'))
+            continue
+        latest = max(trial.stopped for trial in trials[way])
+        if latest > before.stop_latency(way):
+            found.append(_later(Change.STOPS_LATER, where, before.stop_latency(way), latest))
+    speeds = [Estimate(*record['stops']['speed']) for record in (first, check)]
+    change = abs(speeds[1].value - speeds[0].value)
+    if change > max(RATE_CHANGE * speeds[0].value, SPEED_SIGMAS * np.hypot(speeds[0].deviation, speeds[1].deviation)):
+        found.append(Finding(Change.SPEED, 'gripper', *(f'{each.value:.4g} {plan.unit}/s' for each in speeds)))
+    return found
+
+
+def _trials(stops: Mapping[str, Any]) -> dict[StopWay, list[StopTrial]]:
+    return {way: [StopTrial(*each) for each in stops['trials'][way.value]] for way in StopWay}
+
+
+def _later(change: Change, where: str, before: float, now: float) -> Finding:
+    """Return the finding that a time now exceeds the upper bound of the first commissioning [s]."""
+    return Finding(change, where, f'at most {1e3 * before:.0f} ms', f'at least {1e3 * now:.0f} ms')

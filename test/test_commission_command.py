@@ -1,0 +1,354 @@
+"""`tactile commission` on a gripper whose action, joint states and taxels a test serves."""
+
+import io
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+import time
+from array import array
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+import yaml
+from built_messages import environment_with
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from sensor_msgs.msg import JointState
+from simulated_person import commission
+
+from tactile_node.cli.commission import Terminal
+from tactile_node.cli.main import main
+from tactile_node.commissioning.commissioned_gripper import Act, Question
+from tactile_node.commissioning.force import map_effort
+from tactile_node.commissioning.mistake import Mistake, RefusedStepError
+from tactile_node.commissioning.movement import StopTrial
+from tactile_node.errors import ConfigurationError
+from tactile_node.gripper.ros_gripper import RosGripper
+from tactile_node.nodes.spinner import spinning
+from tactile_skin.msg import TaxelArray
+
+LIMIT = 60.0  #: Time limit on a busy machine [s].
+FIRST = ('--joint', 'finger', '--unit', 'm', '--limits', '0', '0.08', '--most-effort', '40')
+
+
+class Hand:
+    """A gripper with an action server, joint states and two pads, on a thread of its own."""
+
+    def __init__(self, ros, action):
+        import rclpy
+        self.position, self.goals, self.cancels = 0.05, [], 0
+        self.is_accepting, self.sends_states = True, True
+        self._target, self._sequence = self.position, 0
+        self._action = action
+        self._goal = None
+        self.node = rclpy.create_node('hand', start_parameter_services=False)
+        group = ReentrantCallbackGroup()
+        self._server = ActionServer(
+            self.node, action, '/hand/gripper_cmd', self._execute, callback_group=group,
+            goal_callback=lambda goal: GoalResponse.ACCEPT if self.is_accepting else GoalResponse.REJECT,
+            handle_accepted_callback=self._accept, cancel_callback=self._cancel)
+        self._states = self.node.create_publisher(JointState, '/joint_states', 10)
+        self._taxels = [self.node.create_publisher(TaxelArray, f'/{pad}/taxels', 10) for pad in ('left', 'right')]
+        self.node.create_timer(0.02, self._tick, callback_group=group)
+        self._executor = MultiThreadedExecutor(3)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
+        self._thread.start()
+        ros.callback(self._stop)
+
+    def _stop(self):
+        self._executor.shutdown()
+        self._thread.join()
+        self._server.destroy()
+        self.node.destroy_node()
+
+    def _accept(self, handle):
+        command = handle.request.command
+        self.goals.append((command.position[0], command.velocity[0], command.effort[0]))
+        self._target, self._goal = command.position[0], handle
+        handle.execute()
+
+    def _cancel(self, handle):
+        self.cancels += 1
+        self._target = self.position
+        return CancelResponse.ACCEPT
+
+    def _execute(self, handle):
+        while self._goal is handle and not handle.is_cancel_requested and self._executor.context.ok():
+            time.sleep(0.01)
+        (handle.canceled if handle.is_cancel_requested else handle.abort)()
+        return self._action.Result()
+
+    def _tick(self):
+        self.position += max(-2e-4, min(2e-4, self._target - self.position))
+        stamp = self.node.get_clock().now().to_msg()
+        if self.sends_states:
+            state = JointState(name=['finger'], position=[self.position])
+            state.header.stamp = stamp
+            self._states.publish(state)
+        self._sequence += 1
+        for publisher in self._taxels:
+            frame = TaxelArray(sequence=self._sequence, rows=4, cols=4, pitch=0.002, unit='Pa',
+                               values=array('f', [250.0] * 16), status=array('B', [TaxelArray.VALID] * 16))
+            frame.header.stamp = stamp
+            publisher.publish(frame)
+
+
+def until(condition):
+    end = time.monotonic() + LIMIT
+    while not condition():
+        assert time.monotonic() < end, 'timeout'
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def parallel(control_msgs):
+    from control_msgs.action import ParallelGripperCommand
+    return ParallelGripperCommand
+
+
+@pytest.fixture
+def gripper(ros, parallel):
+    """A connected RosGripper, and the hand that it commands."""
+    import rclpy
+    hand = Hand(ros, parallel)
+    node = rclpy.create_node('commission', start_parameter_services=False)
+    ros.callback(node.destroy_node)
+    found = RosGripper(node, action='/hand/gripper_cmd', joint='finger', joint_states='/joint_states',
+                       pads=('left', 'right'))
+    ros.callback(found.destroy)
+    ros.enter_context(spinning([node]))
+    assert found.connect(LIMIT)[:2] == (4, 4)
+    return found, hand
+
+
+# ---- the adapter ----
+
+@pytest.mark.ros
+@pytest.mark.bus
+def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, gripper, parallel):
+    found, hand = gripper
+    recording = found.advance(0.5)
+    assert all(len(pad.times) > 5 for pad in recording.pads) and len(recording.joint.times) > 5
+    np.testing.assert_allclose(recording.pads[0].forces, 250.0 * 0.002 ** 2, rtol=1e-5)  # Pa to N
+    assert np.all(np.diff(recording.joint.times) > 0)
+    assert recording.joint.positions[-1] == pytest.approx(0.05)
+
+    found.command(0.03, 5.0, 0.01)
+    until(lambda: hand.goals)
+    assert hand.goals == [(0.03, 0.01, 5.0)]
+    until(lambda: found.advance(0.1).joint.positions[-1] < 0.049)
+    assert found.others() == ''  # its own goal is live
+
+    found.cancel()
+    found.command(hand.position, 5.0, 0.01)
+    assert found.settle()
+    assert hand.cancels == 1
+    until(lambda: len(hand.goals) == 2)
+    assert hand.goals[1][0] == pytest.approx(hand.position, abs=1e-3)
+
+    planner = ActionClient(hand.node, parallel, '/hand/gripper_cmd')
+    ros.callback(planner.destroy)
+    goal = parallel.Goal()
+    goal.command.position, goal.command.velocity, goal.command.effort = [0.06], [0.01], [5.0]
+    planner.send_goal_async(goal)
+    until(lambda: '1 live goals' in found.others())
+    found.cancel()
+    until(lambda: found.others() == '')
+
+    second = ActionServer(hand.node, parallel, '/hand/gripper_cmd', lambda handle: None)
+    until(lambda: '2 servers' in found.others())
+    second.destroy()
+    until(lambda: found.others() == '')
+
+    hand.is_accepting = False
+    found.command(0.02, 5.0, 0.01)
+    assert found.settle()
+    with pytest.raises(RefusedStepError) as refused:
+        found.advance(0.1)
+    assert refused.value.mistake is Mistake.COMMAND_REJECTED
+
+    hand.sends_states = False
+    found.advance(0.3)
+    assert not len(found.advance(0.2).joint.times)  # a position is not repeated
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+@pytest.mark.usefixtures('control_msgs')
+def test_a_missing_action_is_named(ros):
+    import rclpy
+    node = rclpy.create_node('commission', start_parameter_services=False)
+    ros.callback(node.destroy_node)
+    found = RosGripper(node, action='/none', joint='finger', joint_states='/joint_states', pads=('left', 'right'))
+    ros.callback(found.destroy)
+    with pytest.raises(ConfigurationError, match='/none'):
+        found.connect(0.0)
+
+
+# ---- the command ----
+
+class Session:
+    """A process of `tactile commission` on a pseudo-terminal."""
+
+    def __init__(self, ros, *words):
+        ours, theirs = pty.openpty()
+        self._answers = ours
+        self.process = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', 'commission', *words],
+                                        env=environment_with('control_msgs'), stdin=theirs, stdout=theirs,
+                                        stderr=theirs, start_new_session=True)
+        os.close(theirs)
+        self.text = ''
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        ros.callback(os.close, ours)
+        ros.callback(self._reader.join, 10)
+        ros.callback(self._end)
+
+    def _end(self):
+        self.process.kill()
+        self.process.wait()
+
+    def _read(self):
+        try:
+            while data := os.read(self._answers, 4096):
+                self.text += data.decode(errors='replace')
+        except OSError:  # the process has closed the terminal
+            pass
+
+    def answer(self, text, line=''):
+        """Wait until the process prints ``text``, and type a line."""
+        self.until(text)
+        self.text = ''
+        os.write(self._answers, f'{line}\n'.encode())
+
+    def until(self, text):
+        end = time.monotonic() + LIMIT
+        while text not in self.text:
+            assert time.monotonic() < end, self.text
+            time.sleep(0.02)
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+@pytest.mark.parametrize('number', [signal.SIGINT, pytest.param(signal.SIGHUP, marks=pytest.mark.long),
+                                    pytest.param(signal.SIGTSTP, marks=pytest.mark.long)])
+def test_an_interruption_stops_the_gripper_in_both_ways(ros, parallel, tmp_path, number):
+    hand = Hand(ros, parallel)
+    record = ready_record(tmp_path)
+    session = Session(ros, '--output', str(tmp_path), '--action', '/hand/gripper_cmd')
+    session.answer('emergency stop in your reach', 'yes')
+    session.answer('Take everything out')
+    session.answer('Start?', 'y')
+    until(lambda: hand.goals)
+    session.process.send_signal(number)
+    assert session.process.wait(LIMIT) == 130, session.text
+    assert hand.cancels == 1
+    until(lambda: hand.goals[-1][0] == pytest.approx(hand.position, abs=1e-3))
+    assert abs(hand.goals[0][0] - 0.05) <= 0.02 * 0.08 + 1e-9  # the first movement
+    assert record.read_text().count('"first movement"') == 0
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+def test_the_command_refuses_while_another_client_has_a_live_goal(ros, parallel, tmp_path):
+    hand = Hand(ros, parallel)
+    planner = ActionClient(hand.node, parallel, '/hand/gripper_cmd')
+    ros.callback(planner.destroy)
+    until(planner.server_is_ready)
+    goal = parallel.Goal()
+    goal.command.position, goal.command.velocity, goal.command.effort = [0.05], [0.01], [5.0]
+    planner.send_goal_async(goal)
+    until(lambda: hand.goals)
+    session = Session(ros, '--output', str(tmp_path), '--action', '/hand/gripper_cmd', *FIRST)
+    assert session.process.wait(LIMIT) == 1
+    assert 'another client' in session.text
+    assert len(hand.goals) == 1 and not hand.cancels
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+@pytest.mark.long
+@pytest.mark.skipif(find_spec('mujoco') is None, reason='pip install -r requirements/bench_physics.txt')
+@pytest.mark.usefixtures('ros', 'control_msgs')
+def test_a_person_commissions_the_simulated_gripper(tmp_path):
+    """The truth comes from the model: each pad presses with the effort, and a command takes effect after DELAY."""
+    code, text = commission(tmp_path, '--rest-time', '15', '--hold-time', '5', '--stop-trials', '3', '--skip',
+                            'block,step,weight')
+    assert code == 0, text
+    steps = json.loads((tmp_path / 'record.json').read_text())['steps']
+    assert steps.keys() == {'plan', 'rest', 'pads', 'first movement', 'stops', 'foam'}
+    assert steps['pads']['order'] == [0, 1]
+    assert steps['pads']['mountings'] == [[0, False], [2, False]]
+    assert steps['first movement']['opens_rising'] is True
+    trials = [StopTrial(*each) for way in steps['stops']['trials'].values() for each in way]
+    assert len(trials) == 9 and all(trial.is_stopped for trial in trials)
+    found = map_effort(steps['foam']['efforts'], steps['foam']['forces'])
+    assert found.slope.value == pytest.approx(1.0, abs=0.1)
+    report = json.loads((tmp_path / 'report.json').read_text())
+    assert {'gap_offset, gap_scale', 'shift_per_load', 'gripper_step'} <= report['absent'].keys()
+    assert set(yaml.safe_load((tmp_path / 'parameters.yaml').read_text())) == {'/**/touch_gripper'}
+
+
+def ready_record(folder):
+    """Write a record in which rest and pads are finished, and return its file."""
+    from dataclasses import asdict
+
+    from tactile_node.commissioning.commissioning_record import CommissioningRecord
+    from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
+    from tactile_node.commissioning.recording import PadGrid
+    path = folder / 'record.json'
+    record = CommissioningRecord(path)
+    plan = CommissioningPlan(PadGrid(4, 4, float(np.float32(0.002))), 'finger', 'm', 0.0, 0.08, 40.0,
+                             (GaugeBlock(0.01, 0.02),), 5.0)
+    record.save('plan', asdict(plan))
+    rest = {'noise': (1e-4, 1e-6), 'drift': (0.0, 1e-9), 'rate': 50.0, 'lost': 0.0, 'zero': [[0.001] * 4] * 4}
+    record.save('rest', {'pads': [rest, rest], 'age': 0.01})
+    record.save('pads', {'order': [0, 1], 'mountings': [(0, False)] * 2, 'taxels': [[[1] * 4] * 4] * 2})
+    return path
+
+
+def test_a_pipe_cannot_answer(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr('sys.stdin', io.StringIO('yes\n'))
+    assert main(['commission', '--output', str(tmp_path), *FIRST]) == 2
+    assert 'expected a terminal' in capsys.readouterr().err
+
+
+class Typed(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(('words', 'named'), [
+    ((), '--joint'), ((*FIRST, '--pads', 'left'), '--pads'), ((*FIRST, '--skip', 'rest'), '--skip'),
+    ((*FIRST, '--check'), 'Commission the gripper first'), ((*FIRST, '--blocks', '0.01'), '--blocks')])
+def test_a_wrong_option_is_named_before_anything_is_connected(tmp_path, capsys, monkeypatch, words, named):
+    monkeypatch.setattr('sys.stdin', Typed())
+    assert main(['commission', '--output', str(tmp_path), *words]) == 2
+    assert named in capsys.readouterr().err
+
+
+def test_another_gripper_needs_another_record(tmp_path, capsys, monkeypatch):
+    ready_record(tmp_path)
+    monkeypatch.setattr('sys.stdin', Typed())
+    assert main(['commission', '--output', str(tmp_path), '--most-effort', '50']) == 2
+    assert 'expected 40' in capsys.readouterr().err
+
+
+def test_the_person_types_a_choice_or_its_beginning():
+    texts = io.StringIO()
+    person = Terminal(io.StringIO('maybe\n\nopened\nc\n\nx\n\n'), texts)
+    moved = Question(Act.DIRECTION, 'How have the fingers moved?', ('opened', 'closed', 'not moved'))
+    assert person.ask(moved) == 'opened'
+    assert person.ask(moved) == 'closed'
+    done = Question(Act.CLEAR, 'Take everything out.')
+    assert [person.ask(done), person.ask(done)] == ['done', 'done']
+    with pytest.raises(KeyboardInterrupt):
+        person.ask(done)
+    assert texts.getvalue().count('How have the fingers moved?') == 2
