@@ -6,12 +6,14 @@ The node publishes on the topic `attached_collision_object`, which the planning 
 (docs/howto/moveit.md).
 """
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import rclpy
 from collision_object import NoObjectError, held_object
 from moveit_msgs.msg import AttachedCollisionObject, CollisionObject
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
 from tactile_node.grasp.trust import Doubt, doubt
@@ -38,16 +40,30 @@ class HeldObject:
 
     def __init__(self, link: str, touch_links: Sequence[str]):
         self._link, self._touch_links = link, list(touch_links)
-        self.is_attached = False
+        self.is_attached: bool | None = None  # None: an earlier run of the node may have attached an object
 
-    def changed_by(self, grasp: Grasp, sides: GraspSides) -> AttachedCollisionObject | None:
-        """Return the change of the planning scene, or None. Only ``sides`` of the same stamp can attach an object."""
+    def forget(self) -> None:
+        """Treat the planning scene as unknown, because MoveIt is not there."""
+        self.is_attached = None
+
+    def changed_by(self, grasp: Grasp, sides: GraspSides, silence: float) -> AttachedCollisionObject | None:
+        """Return the change of the planning scene, or None. Only ``sides`` of the same stamp can attach an object.
+
+        Parameters
+        ----------
+        grasp
+            Latest grasp.
+        sides
+            Latest results of both pads.
+        silence
+            Time since the grasp arrived [s].
+        """
         if check_grasp(grasp) is not None:
             return None
-        found = doubt(grasp, silence=0.0)
-        if self.is_attached:
-            return self._detached() if found is Doubt.NO_CONTACT and grasp.fresh else None
-        if found is not Doubt.NONE or check_grasp_sides(sides) is not None:
+        found = doubt(grasp, silence)
+        if self.is_attached is not False and found is Doubt.NO_CONTACT and grasp.fresh:
+            return self._detached()
+        if self.is_attached or found is not Doubt.NONE or check_grasp_sides(sides) is not None:
             return None
         try:
             held = held_object(grasp, sides, OBJECT)
@@ -64,20 +80,21 @@ class HeldObject:
 
 
 class AttachedObjectNode(Node):
-    """Publishes the changes of `HeldObject`."""
+    """Publishes the changes of `HeldObject` while MoveIt subscribes to them."""
 
-    def __init__(self, **options: Any):
+    def __init__(self, steady: Callable[[], float] = time.monotonic, **options: Any):
         super().__init__('attached_object', **options)
         link = self.declare_parameter('link', 'panda_hand').value
         touch_links = self.declare_parameter('touch_links', ['panda_leftfinger', 'panda_rightfinger']).value
         self._held = HeldObject(link, touch_links)
         self._grasp, self._sides = Grasp(), GraspSides()
+        self._steady, self._arrival = steady, steady()
         self._publisher = self.create_publisher(AttachedCollisionObject, 'attached_collision_object', 10)
         self.create_subscription(Grasp, 'grasp', self._on_grasp, 1)
         self.create_subscription(GraspSides, 'grasp_sides', self._on_sides, 1)
 
     def _on_grasp(self, grasp: Grasp) -> None:
-        self._grasp = grasp
+        self._grasp, self._arrival = grasp, self._steady()
         self._publish()
 
     def _on_sides(self, sides: GraspSides) -> None:
@@ -86,14 +103,22 @@ class AttachedObjectNode(Node):
 
     def _publish(self) -> None:
         """Publish a change. The two messages of one grasp may arrive in any order, so each arrival is a chance."""
-        change = self._held.changed_by(self._grasp, self._sides)
+        if not self._publisher.get_subscription_count():  # MoveIt would not receive the change
+            self._held.forget()
+            return
+        change = self._held.changed_by(self._grasp, self._sides, self._steady() - self._arrival)
         if change is not None:
             self._publisher.publish(change)
 
 
 def main() -> None:
     rclpy.init()
-    rclpy.spin(AttachedObjectNode())
+    try:
+        rclpy.spin(AttachedObjectNode())
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
 
 
 if __name__ == '__main__':
