@@ -22,6 +22,7 @@ WALL_CLOCK = {
     'tactile_node/nodes/pad_transforms.py': 'stamps on tf from the publishing host, see docs/hosts.md',
     'tactile_node/viewing/page_parts.py': 'a warning that the stamps come from another clock',
     'tactile_node/gripper/gripper_node.py': 'the time of an outcome for human readers',
+    'tactile_node/cli/commission.py': 'the date of a report for human readers',
     'examples/other_skin.py': 'stamps of taxels, like those of the driver',
     'examples/simulated_gripper/session.py': 'stamps of joint states, like those of every controller',
     'examples/simulated_gripper/hand_interface.py': 'stamps on tf, like those of every robot',

@@ -23,8 +23,9 @@ WRITES = [
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'new.npz', '--picture', 'x.png'],
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
     ['replay', 'none.log', '-o', 'x.npz'], ['report', 'none.log', '-o', 'x.html']]
-# Commands whose option --report or --record appends to a file or numbers its files.
-APPENDS_OR_NUMBERS = {'simulate', 'bringup'}
+#: Commands without --force. The option --report or --record of the first two appends to a file or numbers its files.
+#: `tactile commission` replaces only the files of its own earlier runs.
+REPLACES_NO_OTHER_FILE = {'simulate', 'bringup', 'commission'}
 
 
 @pytest.fixture
@@ -70,6 +71,14 @@ def test_a_log_with_an_unknown_suffix_is_kept(folder):
     assert (folder / 'thesis.txt').read_text() == 'kept'
 
 
+@pytest.mark.parametrize('name', ['parameters.yaml', 'report.md', 'report.json', 'check.json'])
+def test_a_folder_without_a_record_keeps_its_files(folder, name, capsys):
+    (folder / name).write_text('kept')
+    assert main(['commission', '--output', str(folder), '--joint', 'finger', '--unit', 'm', '--limits', '0', '0.04',
+                 '--most-effort', '40']) == 2
+    assert (folder / name).read_text() == 'kept' and 'another folder' in capsys.readouterr().err
+
+
 def test_a_device_does_not_count_as_an_existing_file(folder):
     assert main(['draft', 'sim16x16.eds', '--output', os.devnull]) == 0
 
@@ -79,4 +88,4 @@ def test_every_command_that_writes_a_file_has_force_or_never_overwrites(command)
     parsers = next(action for action in _parser(command)._actions if isinstance(action, argparse._SubParsersAction))
     options = {option for action in parsers.choices[command]._actions for option in action.option_strings}
     writes = options & {'--output', '--report', '--record', '--picture'} or command == 'record'
-    assert bool(writes) == ('--force' in options or command in APPENDS_OR_NUMBERS)
+    assert bool(writes) == ('--force' in options or command in REPLACES_NO_OTHER_FILE)

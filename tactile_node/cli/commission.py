@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 GRAVITY = 9.81       #: [m/s²]
 CHECK_REST = 20.0    #: duration of the recording of the untouched pads in a check [s]
 CHECK_TRIALS = 3     #: number of trials of each way to stop in a check
+RESULTS = 'parameters.yaml', 'report.md', 'report.json', 'check.json'  #: files beside the record
 REFUSED_CODE = 1     #: exit code after a refused step or a change
 DOWN = {'base': (0.0, -1.0), 'tip': (0.0, 1.0), 'left': (-1.0, 0.0), 'right': (1.0, 0.0)}
 SAFETY = '''
@@ -94,6 +95,7 @@ def run(args: argparse.Namespace) -> int:
     except OSError as error:
         raise InputError(f'folder {args.output!r}', expected='a folder', got=str(error),
                          remedy='Give another folder.') from error
+    _check_folder(folder)
     record = CommissioningRecord(folder / 'record.json')
     joint = _stated(args, record)['joint']
     person = Terminal(sys.stdin, sys.stdout)
@@ -245,6 +247,14 @@ def _check_options(args: argparse.Namespace) -> None:
     if wrong := [step for step in args.skip if step not in OPTIONAL]:
         raise ConfigurationError('--skip', expected=f'one of {", ".join(OPTIONAL)}', got=', '.join(wrong),
                                  remedy='All other steps are needed.')
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder with files that no commissioning has written, because the command would overwrite them."""
+    present = [name for name in RESULTS if (folder / name).exists()]
+    if present and not (folder / 'record.json').exists():
+        raise InputError(f'folder {str(folder)!r}', expected='a new folder, or the record.json of a commissioning',
+                         got=', '.join(present), remedy='Give another folder.')
 
 
 def _check_record(record: 'CommissioningRecord', folder: Path) -> None:
