@@ -4,6 +4,7 @@ Before a command starts its work, it refuses to overwrite an existing file.
 """
 
 import argparse
+import io
 import os
 
 import numpy as np
@@ -72,7 +73,10 @@ def test_a_log_with_an_unknown_suffix_is_kept(folder):
 
 
 @pytest.mark.parametrize('name', ['parameters.yaml', 'report.md', 'report.json', 'check.json'])
-def test_a_folder_without_a_record_keeps_its_files(folder, name, capsys):
+def test_a_folder_without_a_record_keeps_its_files(folder, name, monkeypatch, capsys):
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
+    monkeypatch.setattr('sys.stdin', terminal)
     (folder / name).write_text('kept')
     assert main(['commission', '--output', str(folder), '--joint', 'finger', '--unit', 'm', '--limits', '0', '0.04',
                  '--most-effort', '40']) == 2
