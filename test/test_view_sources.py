@@ -1,6 +1,7 @@
 """The sources of a viewer are topics, a bus, a log and a bag. Each source runs only while a viewer is connected."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ from tactile_node.viewing.recordings import BagRecording, LogRecording
 
 pytestmark = pytest.mark.bus
 LAYOUT = 'sim16x16.yaml'
+LOG = str(Path(__file__).with_name('data') / 'sim16x16_two_pads.log.gz')
+BEGIN = 1700000002.0  # stamp of the first taxel frame in this log [s]; the last frame is 4.76 s later
 
 
 def received(bus):
@@ -80,29 +83,29 @@ def test_a_device_that_is_gone_is_reported_on_the_page(skin):
     source.stop()
 
 
-def test_a_view_can_seek_in_a_log(skin, tmp_path):
-    """The test records half a second of a live bus and then seeks in this log.
+def test_a_view_can_seek_in_a_log():
+    """Seek in a log in which five shapes touch the pad one after the other, a circle first and then a square.
 
-    At the beginning of the log, no taxels are known; later, the square is visible.
+    At the end of the log, the pad is empty. The period of the frames is 0.04 s.
     """
-    settings, pads = skin
-    log = tmp_path / 'can.log'
-    live = BusSource(BusSettings(settings.interface, settings.channel, record=str(log)), pads)
-    live.start()
-    until(lambda: live.store.shown().pads['left'] is not None)
-    time.sleep(0.7)
-    live.stop()
-    source = RecordingSource(LogRecording(str(log), make_pads([LAYOUT], [32], ['left'])))
+    source = RecordingSource(LogRecording(LOG, make_pads([LAYOUT], [32], ['left'])))
     source.check()
     assert source.length == 0  # The source reads the log only once a viewer is connected.
     source.play(False)
     source.start()
     until(lambda: source.is_complete)
     assert source.store.shown().problem == ''
-    source.seek(source.length)
-    until(lambda: (seen := source.store.shown().pads['left']) is not None and seen.contact.shape == 'square')
-    until(lambda: source.store.shown().bus.pads[0].frames_complete > 5)
-    assert source.age(source.store.shown().pads['left']) == pytest.approx(0, abs=1e-6)
+    assert source.length == pytest.approx(4.76)
+
+    def shown(position):
+        """Return the position of the frame that is shown, and the shape of the pad."""
+        source.seek(position)
+        until(lambda: 0 <= source.age(source.store.shown().pads['left']) < 0.0401)
+        seen = source.store.shown().pads['left']
+        return seen.stamp - BEGIN, seen.contact.shape
+    assert shown(4.76) == (pytest.approx(4.76), 'none')
+    assert shown(1.5) == (pytest.approx(1.48), 'square')
+    assert shown(0.62) == (pytest.approx(0.6), 'circle')
     source.close()
 
 
