@@ -64,7 +64,7 @@ class Truth:
     turn: float                   #: [rad]
     tilt: np.ndarray              #: change of the opening along x and y [rad]
     faulty: tuple[tuple[tuple[int, int], ...], ...]  #: (row, col) of the faulty taxels of each pad
-    noise: float                  #: of a taxel [N]
+    noise: float                  #: standard deviation of a taxel at rest [N]
     drift: tuple[float, float]    #: change of the zero of each pad [N/s per taxel]
     losses: float
     frame_period: float
@@ -221,7 +221,7 @@ class CommissioningDesk:
         self._faces: dict[int, tuple] = {}
         self._weighed_force = math.nan
         self._objects = 0
-        self.weight = 5.0   #: of the weight that the person hangs [N]
+        self.weight = 5.0   #: load of the weight that the person hangs [N]
         self.strongest = 0.0  #: largest true force on a pad since it was last set to 0 [N]
 
     def _springs_of(self, pad: int) -> np.ndarray:

@@ -8,7 +8,7 @@ import os
 import select
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from tactile_node.threads import ReportedThread
@@ -21,13 +21,8 @@ def interruption() -> Iterator[threading.Event]:
     """Yield an event that SIGINT or SIGTERM sets. When the block ends, the function restores the previous signal
     handlers."""
     stop_requested = threading.Event()
-    before = {number: signal.signal(number, lambda *_: stop_requested.set())
-              for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with _handled_by(lambda *_: stop_requested.set(), signal.SIGINT, signal.SIGTERM):
         yield stop_requested
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager
@@ -43,12 +38,19 @@ def interrupted_once() -> Iterator[None]:
         for number in numbers:
             signal.signal(number, signal.SIG_IGN)
         raise KeyboardInterrupt
-    before = {number: signal.signal(number, interrupt) for number in numbers}
+    with _handled_by(interrupt, *numbers):
+        yield
+
+
+@contextmanager
+def _handled_by(handler: Callable[..., None], *numbers: int) -> Iterator[None]:
+    """Call ``handler`` for the signals ``numbers``, until the block ends."""
+    before = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, earlier in before.items():
+            signal.signal(number, earlier)
 
 
 def stop_with(process_id: int, stop_requested: threading.Event) -> None:

@@ -13,7 +13,7 @@ from built_messages import environment_with
 
 
 class PlannerProcess:
-    """This program in a process of its own, with the events that it has printed."""
+    """Runs this program in another process, and keeps the events that the program prints."""
 
     def __init__(self):
         self.events = []  # pairs of an event and its time [s]

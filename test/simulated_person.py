@@ -26,7 +26,7 @@ GRIPPER = ('--joint', 'hand_gap', '--unit', 'm', '--limits', '0', '0.09', '--mos
 
 
 class Process:
-    """A process with a terminal of its own, whose text is collected."""
+    """Runs a process on a pseudo-terminal, and collects the text that the process prints."""
 
     def __init__(self, *words):
         ours, theirs = pty.openpty()
@@ -34,7 +34,8 @@ class Process:
         self.process = subprocess.Popen([sys.executable, *words], env=environment_with('control_msgs'), cwd=ROOT,
                                         stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True)
         os.close(theirs)
-        threading.Thread(target=self._read, daemon=True).start()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
     def _read(self):
         try:
@@ -49,6 +50,13 @@ class Process:
     def stop(self):
         self.process.terminate()
         self.process.wait(30)
+
+    def end(self):
+        """Kill the process and close its terminal."""
+        self.process.kill()
+        self.process.wait()
+        self._reader.join(10)
+        os.close(self._terminal)
 
 
 class SimulatedPerson:

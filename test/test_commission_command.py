@@ -2,11 +2,7 @@
 
 import io
 import json
-import os
-import pty
 import signal
-import subprocess
-import sys
 import threading
 import time
 from array import array
@@ -15,12 +11,11 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 import yaml
-from built_messages import environment_with
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from sensor_msgs.msg import JointState
-from simulated_person import commission
+from simulated_person import Process, commission
 
 from tactile_node.cli.commission import Terminal
 from tactile_node.cli.main import main
@@ -38,7 +33,7 @@ FIRST = ('--joint', 'finger', '--unit', 'm', '--limits', '0', '0.08', '--most-ef
 
 
 class Hand:
-    """A gripper with an action server, joint states and two pads, on a thread of its own."""
+    """Publishes joint states and the taxels of two pads, and serves a gripper's action, on another thread."""
 
     def __init__(self, ros, action):
         import rclpy
@@ -194,39 +189,18 @@ def test_a_missing_action_is_named(ros):
 
 # ---- the command ----
 
-class Session:
-    """A process of `tactile commission` on a pseudo-terminal."""
+class Session(Process):
+    """A process of `tactile commission`, whose questions the test answers."""
 
     def __init__(self, ros, *words):
-        ours, theirs = pty.openpty()
-        self._answers = ours
-        self.process = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', 'commission', *words],
-                                        env=environment_with('control_msgs'), stdin=theirs, stdout=theirs,
-                                        stderr=theirs, start_new_session=True)
-        os.close(theirs)
-        self.text = ''
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-        ros.callback(os.close, ours)
-        ros.callback(self._reader.join, 10)
-        ros.callback(self._end)
-
-    def _end(self):
-        self.process.kill()
-        self.process.wait()
-
-    def _read(self):
-        try:
-            while data := os.read(self._answers, 4096):
-                self.text += data.decode(errors='replace')
-        except OSError:  # the process has closed the terminal
-            pass
+        super().__init__('-m', 'tactile_node.cli.main', 'commission', *words)
+        ros.callback(self.end)
 
     def answer(self, text, line=''):
         """Wait until the process prints ``text``, and type a line."""
         self.until(text)
         self.text = ''
-        os.write(self._answers, f'{line}\n'.encode())
+        self.type(line)
 
     def until(self, text):
         end = time.monotonic() + LIMIT

@@ -100,7 +100,7 @@ def test_the_pads_of_the_panda_face_each_other_where_its_fingers_are():
     given = parameters('grasp')
     left, right = (PadPose(tuple(given[f'{side}_xyz']), tuple(given[f'{side}_rpy'])) for side in ('left', 'right'))
     Gripper(left, right)
-    middle = 0.015, 0.015  # of a pad with 16 taxels at 2 mm
+    middle = 0.015, 0.015  # middle of a pad with 16 taxels at 2 mm
     for pad, way in ((left, 1), (right, -1)):
         assert pad.place(middle, 0.04) == pytest.approx([0.0, way * 0.02, 0.103], abs=1e-6)
         assert pad.rotation @ np.array((0, 0, 1)) == pytest.approx([0, -way, 0], abs=1e-6)

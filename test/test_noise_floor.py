@@ -206,8 +206,8 @@ def test_a_few_taxels_far_below_the_others_hide_no_contact(taxels, below):
     assert resting_of(counts.astype(float)) == (1000, 0)
 
 
-#: Level at rest before a skin cuts off the readings below its zero, and the steps of its values, in standard deviations
-#: of the noise.
+#: Level at rest before a skin cuts off the readings below its zero, and the steps of its values. The unit of both is
+#: the standard deviation of the noise.
 CUTS = {'half of the noise': (0.0, 1e-9), 'more than half': (-0.5, 1e-9), 'less than half': (0.6, 1e-9),
         '8 bits': (0.0, 0.39)}
 

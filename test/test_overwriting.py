@@ -25,7 +25,7 @@ WRITES = [
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
     ['replay', 'none.log', '-o', 'x.npz'], ['report', 'none.log', '-o', 'x.html']]
 #: Commands without --force. The option --report or --record of the first two appends to a file or numbers its files.
-#: `tactile commission` replaces only the files of its own earlier runs.
+#: `tactile commission` replaces only files that an earlier run of it has written.
 REPLACES_NO_OTHER_FILE = {'simulate', 'bringup', 'commission'}
 
 

@@ -13,8 +13,8 @@ from tactile_node.commissioning.recording import JointStates
 NOISES = 4.0           #: A change by this many standard deviations of the joint's noise is a movement.
 CLEAR_NOISES = 20.0    #: A change by this many deviations shows a movement even among thousands of samples.
 CONFIDENCE = 0.95      #: Confidence of an upper bound of a latency.
-#: Distance of the bound of a latency above the largest time, as a multiple of the spread of the times and of the root
-#: of the chance that one trial misses the bound.
+#: Distance of a latency's bound above the largest time. The distance is this factor times the spread of the times,
+#: times the root of the chance that one trial misses the bound.
 BOUND_FACTOR = 1.1
 #: Distance from standstill at which a sample may already look still [deviations]: NOISES, and the noise of the sample.
 UNSEEN_NOISES = 6.0
