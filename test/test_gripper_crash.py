@@ -130,8 +130,14 @@ def test_a_gripper_that_is_killed_and_restarted_opens_and_closes_again(site, pau
     site.bench.wait(pause)
     second = site.gripper('works')
     status, outcome, text = site.cancelled(handle)
-    # A goal to open ends as cancelled if the new gripper confirms that it is holding its position.
-    assert outcome in (Outcome.NOT_STOPPED, Outcome.CANCELED if position else Outcome.NOT_STOPPED) and IN_DOUBT in text
+    # A goal to open ends as cancelled if the new gripper confirms that it is holding its position. Fast DDS forgets the
+    # killed server after about 20 s. Without a server for TIMEOUT longer, the goal ends before the client cancels it.
+    expected = {Outcome.NOT_STOPPED}
+    if position:
+        expected.add(Outcome.CANCELED)
+    if pause > 20:
+        expected.add(Outcome.NO_GRIPPER)
+    assert outcome in expected and IN_DOUBT in text
     assert site.goal(WIDEST)[:2] == REACHED and second.lines[-1] == f'reached {WIDEST}'
     assert site.goal(NARROW)[:2] == REACHED and second.lines[-1] == f'reached {NARROW}'
     assert IN_DOUBT not in site.goal(WIDEST)[2]
