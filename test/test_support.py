@@ -177,3 +177,37 @@ def test_a_first_frame_without_a_taxel_near_0_is_not_taken_for_an_empty_pad():
     at_rest = extractor.extract(rng.normal(15.0, 1.5, (6, 6)))
     assert recogniser.recognise(at_rest).shape is Shape.NONE
     assert recogniser.recognise(PatternExtractor().extract(rng.normal(0.0, 1.5, (6, 6)))).shape is Shape.NONE
+
+
+#: Readings of a 6x6 array under a block of 6x5 taxels, whose gains differ. No group of taxels stands out.
+COVERED = np.array([[28, 60, 48, 57, 52, 22], [54, 63, 88, 71, 65, 39], [42, 77, 89, 81, 70, 35],
+                    [43, 50, 71, 87, 95, 37], [42, 66, 56, 62, 71, 33], [22, 55, 50, 54, 55, 22]], float)
+
+
+def shapes_of(frames):
+    recogniser, extractor = make_recogniser(), PatternExtractor()
+    return [recogniser.recognise(extractor.extract(frame)).shape for frame in frames]
+
+
+def test_a_small_array_is_not_empty_while_an_object_covers_it():
+    rng = np.random.default_rng(4)
+    held = [COVERED + rng.normal(0, 1, COVERED.shape) for _ in range(10)]
+    fading = [level * COVERED + rng.normal(0, 1, COVERED.shape) for level in (0.8, 0.6, 0.4, 0.3)]
+    rest = [rng.normal(5, 1, COVERED.shape) for _ in range(5)]
+    found = shapes_of([*held, *fading, *rest])
+    assert Shape.NONE not in found[:14] and set(found[15:]) == {Shape.NONE}
+
+
+def test_a_small_array_that_is_covered_after_a_loss_is_not_empty():
+    lost = COVERED.copy()
+    lost[2, 3] = np.nan
+    assert Shape.NONE not in shapes_of([lost, COVERED, COVERED])[1:]
+
+
+@pytest.mark.parametrize('frames', [
+    np.random.default_rng(5).normal(9, 3, (20, 6, 6)),          # noise that rarely reaches 0
+    np.tile(2.0 + np.arange(36).reshape(6, 6) * 7 % 3, (20, 1, 1)),  # levels at rest that differ by two counts
+    np.random.default_rng(6).normal(np.random.default_rng(7).normal(100, 12, (6, 6)), 1, (20, 6, 6))],
+    ids=['noise', 'counts', 'offsets'])
+def test_a_small_array_at_rest_is_empty_from_the_second_frame_on(frames):
+    assert set(shapes_of(frames)[1:]) == {Shape.NONE}

@@ -238,11 +238,6 @@ class NoiseFloor:
         self._is_loud = False
         self._squares = self._frames = np.zeros((0, 0))
 
-    @property
-    def is_new(self) -> bool:
-        """True until a frame has shown the readings of the taxels at rest."""
-        return self._is_first
-
     def measure(self, values: np.ndarray, valid: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the level at rest and the noise of each taxel for a new frame.
 

@@ -31,6 +31,11 @@ ALIKE_CORRELATION = 0.45
 #: Smallest spread of the readings on an evenly pressed pad, as a share of their mean. The gains of real taxels differ
 #: by at least this much.
 EVEN_SHARE = 0.05
+#: Spread of the readings, as a share of their mean, above which the array may be covered after the first frame, too. The
+#: levels at rest of a usable array differ by less.
+UNEVEN_SHARE = 0.2
+#: Smallest correlation between successive frames under a load. Noise at rest is independent from frame to frame.
+LASTING_CORRELATION = 0.5
 MOST_LABELS = 255  #: Largest number of contacts that get a label.
 
 
@@ -55,8 +60,8 @@ class ContactPattern(NamedTuple):
     noise: np.ndarray  #: float, standard deviation of each taxel at rest [unit of the values]; NaN if it is not known
 
     #: True if an object may cover most of a small array, so that no contact stands out. A covering object is assumed if
-    #: neighbouring taxels have similar readings. A covering object is also assumed if all taxels read above 0 and no
-    #: earlier frame shows their readings at rest.
+    #: neighbouring taxels have similar readings. A covering object is also assumed if all taxels read above 0 and their
+    #: readings differ, until a frame shows the readings at rest.
     is_covered: bool = False
     #: True if all pressed taxels are left over. Something may still press these taxels, even if they are few.
     is_left_over: bool = False
@@ -136,6 +141,8 @@ class PatternExtractor:
         self._floor = NoiseFloor(self._least or np.inf)
         self._largest = largest
         self._left_over = LeftOver()
+        self._has_rested = False  # True once a frame has shown the readings of some taxels at rest
+        self._last_covered: np.ndarray | None = None  # last frame in which an object may cover the array
         self.set_thresholds(thresholds)
 
     def set_thresholds(self, thresholds: PressThresholds | None) -> None:
@@ -173,7 +180,6 @@ class PatternExtractor:
         valid = np.abs(numbers) < HIGHEST_VALUE
         missing = _taxels(unmapped, frame.shape, 'unmapped')
         hidden = ~(valid | missing)
-        is_first = self._floor.is_new
         found = self._found(frame, numbers, valid)
         pressed, noise, rest = found.pressed & valid, found.noise, found.rest
         if rest and np.count_nonzero(pressed):
@@ -197,13 +203,17 @@ class PatternExtractor:
             labels[mask] = 1
         else:
             mask = pressed.copy()
-        may_cover = self._is_free and not contacts and frame.dtype != bool and frame.size <= SMALL_ARRAY
+        is_covered = self._is_covered(numbers, valid) if not contacts and frame.dtype != bool else False
+        if is_covered:
+            self._last_covered = numbers
+        elif contacts or valid.all():
+            self._has_rested = True
         return ContactPattern(
             mask=read_only(mask), values=read_only(np.where(valid, numbers, np.nan)), contacts=contacts,
             labels=read_only(labels), sizes=tuple(np.bincount(labels.reshape(-1))[1:].tolist()),
             hidden=read_only(hidden), saturated=read_only(_taxels(saturated, frame.shape, 'saturated') & valid),
             unmapped=read_only(missing), noise=noise,
-            is_covered=may_cover and bool(valid.all()) and (are_alike(numbers) or is_first and _are_raised(numbers)),
+            is_covered=is_covered,
             is_left_over=is_left and not contacts)
 
     def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> '_Found':
@@ -224,6 +234,21 @@ class PatternExtractor:
             self._pressed = pressed | before & ~valid
         self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(pressed.any()))
         return _Found(pressed, noise if np.count_nonzero(noise) else unknown, level if self._is_free else 0.0, halo)
+
+    def _is_covered(self, values: np.ndarray, valid: np.ndarray) -> bool:
+        """Return True if an object may cover a small array without a unit, so that no contact stands out."""
+        if not self._is_free or values.size > SMALL_ARRAY or not valid.all():
+            return False
+        if are_alike(values):
+            return True
+        is_raised = values.min() > 0 and not (_are_counts(values) and np.ptp(values) < LEAST_COUNTS)
+        if self._has_rested or not is_raised:
+            return False
+        spread = values.std() / values.mean()
+        last = self._last_covered
+        if last is None or last.shape != values.shape:
+            return bool(spread > EVEN_SHARE)
+        return bool(spread > UNEVEN_SHARE) and _correlation(values, last) > LASTING_CORRELATION
 
     def _above(self, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
         """Return the taxels that reach the thresholds. Without thresholds, return the taxels above 0."""
@@ -254,22 +279,20 @@ class _Found(NamedTuple):
 def are_alike(values: np.ndarray) -> bool:
     """Return True if neighbouring taxels have similar readings, as they do under a contact but not in noise."""
     pairs = np.hstack([(values[:, :-1].ravel(), values[:, 1:].ravel()), (values[:-1].ravel(), values[1:].ravel())])
+    return _correlation(*pairs) > ALIKE_CORRELATION
+
+
+def _correlation(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the correlation between two arrays where both are finite, or 0 if it is not known."""
+    pairs = np.stack([one.ravel(), other.ravel()])
     pairs = pairs[:, np.isfinite(pairs).all(0)]
     if not pairs.size:
-        return False
+        return 0.0
     # the limit prevents the squares of the values from overflowing
     pairs = pairs / max(np.abs(pairs).max(initial=0.0), np.finfo(float).tiny)
-    one, other = pairs - pairs.mean(1, keepdims=True)
-    return bool(one @ other > ALIKE_CORRELATION * np.sqrt(one @ one * (other @ other)))
-
-
-def _are_raised(values: np.ndarray) -> bool:
-    """Return True if all taxels read above 0 and their readings vary as much as they do under a load.
-
-    Readings at rest vary less than readings under a load.
-    """
-    spread = values.std()
-    return bool(values.min() > NOISE_SPREADS * spread and spread > EVEN_SHARE * values.mean())
+    left, right = pairs - pairs.mean(1, keepdims=True)
+    scale = np.sqrt(left @ left * (right @ right))
+    return float(left @ right / scale) if scale else 0.0
 
 
 def _are_counts(values: np.ndarray) -> bool:
