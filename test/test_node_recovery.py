@@ -9,6 +9,7 @@ from can_bench import Bench, wait_until
 from canopen import SdoAbortedError
 from fault_bench import TIMEOUT, FaultBench
 
+from tactile_node.assembly.facts import LossReason
 from tactile_node.bus import bus_devices
 from tactile_node.bus.skin_bus import SkinBus
 from tactile_node.errors import DeviceError, HalfZeroedError
@@ -132,7 +133,8 @@ def test_no_other_tpdo_is_taken_for_taxels(tmp_path, caplog):
         losses = bench.driver.facts().pad('pad32').losses
     assert all(np.allclose(frame.values, 2.0) for _, frame in frames)
     assert rival >> 31 == 1 and other >> 31 == 0, 'the rival TPDO must be disabled, and TPDO 2 has another COB-ID'
-    assert not any(losses.values()) and 'TPDO 1' in caplog.text
+    # A busy machine may read a CAN frame late.
+    assert {reason for reason, count in losses.items() if count} <= {LossReason.LATE} and 'TPDO 1' in caplog.text
 
 
 def test_a_device_that_refuses_is_not_used(tmp_path):
