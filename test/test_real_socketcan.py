@@ -3,7 +3,11 @@
 `make socketcan` runs these tests.
 """
 
+import ctypes
+import socket
 import subprocess
+import sys
+import threading
 import time
 from pathlib import Path
 
@@ -14,7 +18,10 @@ from can_bench import INTERFACE, TooSlowError, wait_until
 from captured_log import CapturedLog
 
 from tactile_node.assembly.health import BusFault, Overload
+from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.reception import Reception
+from tactile_node.bus.socket_buffer import WANTED_SIZE
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pad, make_pads, with_dictionaries
@@ -133,6 +140,58 @@ def test_nothing_is_lost_between_linux_and_the_driver(layout, nodes):
         bench.wait(lambda: sum(pad.tpdos_received for pad in bench.driver.facts().pads) == sent,
                    f'{sent} TPDOs sent, some not received')
         print(f'\nsocketcan: {layout} on vcan: {sent} TPDOs sent, all received')
+
+
+#: A process that sends as many numbered CAN frames as each line asks for.
+SENDER = """
+import socket, struct, sys
+bus = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+bus.bind(('vcan0',))
+for line in sys.stdin:
+    for number in range(int(line)):
+        bus.send(struct.pack('=IB3x8s', 0x1A0, 8, number.to_bytes(8, 'big')))
+    print('sent', flush=True)
+"""
+ORDINARY = 212_992  # Largest size that an ordinary user may set by default [bytes]. The kernel doubles it.
+
+
+@pytest.mark.parametrize(('size', 'sent', 'keeps_lock', 'is_whole'), [
+    (WANTED_SIZE, 8000, False, True),  # 1 s of a full bus
+    (ORDINARY, 320, True, True),       # 100 ms of two pads of 16x16 at 50 Hz
+    (4096, 1000, False, False),
+    (4096, 1000, True, False)])
+def test_frames_of_a_stall_are_received_in_order_or_counted(size, sent, keeps_lock, is_whole):
+    """The reception, or with ``keeps_lock`` the whole interpreter, stands still until all frames are sent."""
+    bus, batches, released = open_bus('socketcan', 'vcan0', 1_000_000), [], threading.Event()
+
+    def receive(batch):
+        batches.append(batch)
+        assert keeps_lock or released.wait(LONGEST)
+    reception = Reception(bus, receive, lambda error: batches.append(error))
+    if size != WANTED_SIZE:
+        bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
+    with subprocess.Popen([sys.executable, '-ISc', SENDER], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as sender:
+        sender.stdin.write(b'1\n')
+        sender.stdin.flush()
+        assert sender.stdout.readline() == b'sent\n' and wait_until(lambda: batches, LONGEST)
+        sender.stdin.write(b'%d\n' % sent)
+        sender.stdin.flush()
+        if keeps_lock:
+            assert ctypes.PyDLL(None).read(sender.stdout.fileno(), ctypes.create_string_buffer(5), 5) == 5
+        else:
+            assert sender.stdout.readline() == b'sent\n'
+        released.set()
+        # This frame finds room in the buffer once the reception has begun to read.
+        assert wait_until(lambda: len(batches) > 1, LONGEST)
+        sender.communicate(b'1\n', LONGEST)
+    wait_until(lambda: sum(len(batch.messages) + batch.dropped for batch in batches) >= sent + 2, LONGEST)
+    reception.stop()
+    bus.shutdown()
+    numbers = [int.from_bytes(message.data, 'big') for batch in batches for message in batch.messages]
+    dropped = sum(batch.dropped for batch in batches)
+    print(f'\nsocketcan: buffer {size}: {sent} sent during a stall, {dropped} dropped by the kernel')
+    assert len(numbers) + dropped == sent + 2 and (dropped == 0) == is_whole
+    assert numbers[1:-1] == sorted(set(numbers[1:-1]))
 
 
 def test_a_polled_domain_is_read_through_linux():

@@ -2,8 +2,11 @@
 
 import os
 import select
+import socket
+import sys
 import threading
 import time
+from contextlib import suppress
 from math import inf
 from types import SimpleNamespace
 
@@ -16,6 +19,7 @@ from tactile_node.bus import traffic as traffic_module
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.reception import MOST_IN_BATCH, Batch, Reception
+from tactile_node.bus.socket_buffer import SocketBuffer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.viewing.node_record import BusRecord
 
@@ -138,7 +142,7 @@ class Clocked:
         self.begun = time.time() - 100.0
         self.traffic.begin()
 
-    def received(self, *stamps, steady=None, spans=None, **kind):
+    def received(self, *stamps, steady=None, spans=None, dropped=0, **kind):
         """Receive messages stamped ``stamps`` seconds after the beginning and read ``steady`` seconds after it.
 
         The returned function returns True once all messages are processed.
@@ -146,7 +150,7 @@ class Clocked:
         self.steady = 1000.0 + (stamps[-1] if steady is None else steady)
         expected = len(self.spans) + (len(stamps) if spans is None else spans)
         self.traffic.received(Batch([can.Message(self.begun + stamp, 0x1A0, kind.pop('extended', False), **kind)
-                                     for stamp in stamps]))
+                                     for stamp in stamps], dropped=dropped))
         return lambda: len(self.spans) == expected
 
     def seen(self):
@@ -166,6 +170,32 @@ def test_a_bus_that_was_closed_or_not_read_was_not_free(monkeypatch):
     bus.traffic.begin()
     assert wait_until(bus.received(9.0))
     assert bus.seen() == [inf, 0.0, 0.0, 0.0, 0.0, 1.7, 0.0, 0.5] and bus.traffic.overruns == 1
+
+
+def test_frames_dropped_by_the_kernel_are_counted_and_leave_a_gap_around_their_batch(monkeypatch):
+    bus = Clocked(monkeypatch)
+    for stamp, dropped in ((1.0, 0), (1.1, 0), (1.3, 2), (1.4, 0), (1.5, 0)):
+        assert wait_until(bus.received(stamp, dropped=dropped))
+    assert bus.seen() == [inf, 0.0, 0.2, 0.1, 0.0] and bus.traffic.overruns == 2
+
+
+@pytest.mark.skipif(sys.platform != 'linux', reason='only Linux reports the drops of a socket')
+def test_the_drops_of_a_socket_are_counted_once_and_logged(caplog):
+    with socket.socket(type=socket.SOCK_DGRAM) as receiver, socket.socket(type=socket.SOCK_DGRAM) as sender:
+        receiver.bind(('127.0.0.1', 0))
+        receiver.settimeout(1.0)
+        before = receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+        buffer = SocketBuffer(SimpleNamespace(socket=receiver))
+        assert receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) > before and buffer.new_drops() == 0
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        for _ in range(100):
+            sender.sendto(bytes(8), receiver.getsockname())
+        dropped, received = buffer.new_drops(), 0
+        with suppress(TimeoutError):
+            while receiver.recv(8):
+                received += 1
+        assert received > 0 and received + dropped == 100 and buffer.new_drops() == 0
+    assert f'dropped {dropped} CAN frames' in caplog.text and buffer.new_drops() == 0
 
 
 def test_a_frame_without_room_in_the_queue_is_counted_once(monkeypatch):

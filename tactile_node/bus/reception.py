@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import can
 
+from tactile_node.bus.socket_buffer import SocketBuffer
 from tactile_node.threads import ReportedThread, call_guarded
 
 RECEIVE_TIMEOUT = 0.1  #: Longest time a read waits for a message [s].
@@ -35,6 +36,9 @@ class Batch(NamedTuple):
     #: time of arrival.
     came: tuple[float, float] | None = None
 
+    #: number of CAN frames that the kernel has dropped before, between or directly after these messages
+    dropped: int = 0
+
 
 class Reception:
     """Reads a bus on a separate thread until stopped.
@@ -53,6 +57,7 @@ class Reception:
 
     def __init__(self, bus: can.BusABC, on_batch: Callable[[Batch], None], on_error: Callable[[Exception], None]):
         self._bus = bus
+        self._buffer = SocketBuffer(bus)
         self._recv_all: Callable[[float], Batch] | None = getattr(bus, 'recv_all', None)
         self._on_batch = on_batch
         self._on_error = on_error
@@ -105,4 +110,4 @@ class Reception:
             except Exception as error:  # the next read raises this exception, after these messages have been passed on
                 self._error = error
                 break
-        return Batch(messages)
+        return Batch(messages, dropped=self._buffer.new_drops() if messages else 0)

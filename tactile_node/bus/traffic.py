@@ -64,7 +64,8 @@ class Traffic:
         self._put = 0  # CAN frames put into the queue
         self._fed = 0  # CAN frames taken from the queue
 
-        #: data frames lost because the queue was full; no_data_frames counts the other messages of the same batches
+        #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped.
+        #: no_data_frames counts the other messages of the batches for which the queue was full.
         self.overruns = 0
         self.syncs_sent = 0
         self.pause = SyncPause(sync_period)
@@ -111,7 +112,9 @@ class Traffic:
 
         The reception thread calls ``received``, so the method must return quickly.
         """
-        is_gap, self._is_gap = self._is_gap, True  # there is a gap, unless this batch gets into the queue
+        is_gap = self._is_gap or batch.dropped > 0
+        self._is_gap = True  # there is a gap, unless this batch gets into the queue
+        self.overruns += batch.dropped
         frames = []
         for message in batch.messages:
             kind = non_data_kind(message)
@@ -128,7 +131,7 @@ class Traffic:
         if self._put - self._fed + len(frames) <= self._queue_limit:
             self._put += len(frames)
             self.put(self._feed, frames, self._came(batch), self._most_free(batch, is_gap))
-            self._is_gap = False
+            self._is_gap = batch.dropped > 0
         else:
             self.overruns += sum(can_id != NO_DATA for can_id, _, _ in frames)
 

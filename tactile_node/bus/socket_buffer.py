@@ -1,0 +1,62 @@
+"""The receive buffer of a SocketCAN socket, in which the kernel stores CAN frames until the driver reads them."""
+
+import logging
+import socket
+import sys
+import time
+
+import can
+
+from tactile_node.bus.log_throttle import LogThrottle
+
+logger = logging.getLogger(__name__)
+
+#: Size that the driver requests [bytes]. The kernel grants twice the size: 8 MiB hold 1.5 s of a full bus at 1 Mbit/s.
+WANTED_SIZE = 4 << 20
+# Options of Linux (asm-generic/socket.h, linux/sock_diag.h) that Python's module ``socket`` does not name.
+SO_RCVBUFFORCE = 33
+SO_MEMINFO = 55
+DROPS = slice(4 * 8, 4 * 9)  # the drop count in the answer to SO_MEMINFO
+
+
+class SocketBuffer:
+    """Enlarges the receive buffer of a bus, and counts the CAN frames that the kernel has dropped from it.
+
+    The kernel reports the same count with each frame if SO_RXQ_OVFL is set, but python-can accepts no other information
+    beside a frame than its stamp.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        Open bus. Nothing is done or counted for a bus that has no socket.
+    """
+
+    def __init__(self, bus: can.BusABC):
+        has_socket = sys.platform == 'linux' and isinstance(getattr(bus, 'socket', None), socket.socket)
+        self._socket: socket.socket | None = bus.socket if has_socket else None  # type: ignore[attr-defined]
+        self._throttle = LogThrottle()
+        self._dropped = 0
+        if self._socket is not None:
+            try:
+                self._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, WANTED_SIZE)
+            except PermissionError:  # without CAP_NET_ADMIN, the kernel grants at most twice net.core.rmem_max
+                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WANTED_SIZE)
+        self._dropped = self._drop_count()
+
+    def new_drops(self) -> int:
+        """Return the number of CAN frames dropped since the last call, and log a warning if there are any."""
+        before, self._dropped = self._dropped, self._drop_count()
+        new = self._dropped - before & 0xFFFF_FFFF  # the kernel counts with 32 bits
+        if new and self._throttle.is_due('dropped', time.monotonic()):
+            logger.warning('The kernel has dropped %d CAN frames, because this process did not read them in time and '
+                           'the receive buffer was full. Increase net.core.rmem_max (docs/adapters.md).', new)
+        return new
+
+    def _drop_count(self) -> int:
+        if self._socket is None:
+            return 0
+        try:
+            return int.from_bytes(self._socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, DROPS.stop)[DROPS],
+                                  sys.byteorder)
+        except OSError:  # Linux before 4.12, or a socket that was closed meanwhile
+            return self._dropped
