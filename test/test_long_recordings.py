@@ -9,6 +9,7 @@ recordings as one.
 
 import os
 import struct
+from threading import Event
 
 import can
 import numpy as np
@@ -143,8 +144,9 @@ def test_damage_costs_the_taxel_frames_of_its_chunk_alone(tmp_path, compression)
     assert report.recording.damages == (damage,) and report.recording.unread == 1
     assert any('11.000 s' in text for text in check_alone(page_of(report)).texts)
     timeline = Timeline()
-    problem = BagRecording(str(path)).read(timeline, lambda: False)
-    assert problem and (timeline.begin, timeline.end) == (BEGIN + 0.25, BEGIN + 59.25) and timeline.index(
+    recording = BagRecording(str(path))
+    recording.read(timeline, Event())
+    assert recording.problem and (timeline.begin, timeline.end) == (BEGIN + 0.25, BEGIN + 59.25) and timeline.index(
         'left', BEGIN + 59.5) == 49
     timeline.close()
 

@@ -18,10 +18,11 @@ from tactile_node.skin.pads import make_pads
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 from tactile_node.viewing.chart import thin
 from tactile_node.viewing.findings import Remark, findings
-from tactile_node.viewing.log_reporter import LogReporter
 from tactile_node.viewing.model import KEPT_ENTRIES, Ends, LongestGaps
 from tactile_node.viewing.node_record import BusRecord, NodeRecords
+from tactile_node.viewing.recordings import LogRecording
 from tactile_node.viewing.report_page import page_of
+from tactile_node.viewing.reporter import LogReporter
 from tactile_node.viewing.status_record import StatusRecord
 from tactile_node.viewing.taxel_record import Mark, TaxelHealth, marks_of, no_value_share
 from tactile_node.viewing.touch import MOST_PICTURES
@@ -46,9 +47,9 @@ def logged(path, lines):
     return str(path)
 
 
-def report_of(path, *, node_ids=(32, 64), layout='sim16x16.yaml', **options):
-    pads = make_pads([layout], list(node_ids))
-    return LogReporter(str(path), pads, **options).report(threading.Event())
+def report_of(path, *, node_ids=(32, 64), layout='sim16x16.yaml', any_device=False, **options):
+    log = LogRecording(str(path), make_pads([layout], list(node_ids)), any_device=any_device)
+    return LogReporter(log, **options).report(threading.Event())
 
 
 def found_in(report):

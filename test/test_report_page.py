@@ -21,10 +21,11 @@ from tactile_node.logs.bag_records import message_count
 from tactile_node.logs.topic_bag import DIAGNOSTICS
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_node.viewing.bag_reporter import BagReporter
 from tactile_node.viewing.findings import Remark, findings
+from tactile_node.viewing.recordings import BagRecording
 from tactile_node.viewing.report_page import TAUGHT_COLOUR, page_of
 from tactile_node.viewing.reported_file import Kind
+from tactile_node.viewing.reporter import BagReporter
 from tactile_node.viewing.status_record import StatusRecord
 from tactile_node.viewing.templates import ABSENT_TEXT
 
@@ -97,7 +98,7 @@ def frames(count=30):
 
 
 def reported(path):
-    return BagReporter(str(path)).report(Event())
+    return BagReporter(BagRecording(str(path))).report(Event())
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ import csv
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 from typing import NamedTuple
 
 import numpy as np
@@ -163,13 +164,7 @@ def _events(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
 
 def _log(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
     pad, frames = PadSettings('pad', (32,), load_layout('nus_sinapse_64x64.yaml')), []
-    source = LogSource(str(path), (pad,), lambda name, frame: frames.append(frame), pace=None)
-    source.open()
-    source.start()
-    source.finished.wait()
-    source.close()
-    if source.failure:
-        raise RuntimeError(source.failure.detail)
+    LogSource(str(path), (pad,), lambda name, frame: frames.append(frame), pace=None).play(Event())
     return np.array([frame.stamp for frame in frames]), [frame.values for frame in frames]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactile_node.cli.progress import count_progress
-from tactile_node.errors import InputError, LogError
+from tactile_node.errors import InputError
 from tactile_node.interruption import interruption
 from tactile_node.logs.damage import damage_lines
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
@@ -68,25 +68,14 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
         Raised if ``must_be_used`` is set and a pad has no usable TPDO in the log.
     """
     frames: dict[str, list[TaxelFrame]] = {pad.name: [] for pad in pads}
-    count = 0
-
-    def on_frame(name: str, frame: TaxelFrame) -> None:
-        nonlocal count
-        count += 1
-        if keep:
-            frames[name].append(frame)
-
-    source = LogSource(path, pads, on_frame, pace=pace, channel=channel, any_device=any_device, window=window)
     with interruption() as stop_requested, count_progress(Path(path).name, ' frames') as bar:
-        source.open()
-        source.start()
-        while not source.finished.wait(0.1) and not stop_requested.is_set():
-            bar.update(count - bar.n)
-        source.close()
-    if source.failure:
-        raise LogError(path, expected='a log that can be played to the end',
-                       got=source.failure.detail.removesuffix('.'),
-                       remedy='The frames before the error are not used.')
+        def on_frame(name: str, frame: TaxelFrame) -> None:
+            bar.update()
+            if keep:
+                frames[name].append(frame)
+
+        source = LogSource(path, pads, on_frame, pace=pace, channel=channel, any_device=any_device, window=window)
+        source.play(stop_requested)
     for line in damage_lines(source.reader.damages):
         print(line, file=sys.stderr)
     if source.facts().unread_log_lines:

@@ -25,10 +25,10 @@ from tactile_node.logs.series import files_of
 from tactile_node.logs.topic_bag import CAN_TYPE as CAN_FRAMES
 from tactile_node.logs.topic_bag import STATUS, TAXELS, holds_taxels
 from tactile_node.output_file import check_writable, output_file
-from tactile_node.viewing.bag_reporter import BagReporter
 from tactile_node.viewing.findings import findings
-from tactile_node.viewing.log_reporter import LogReporter
+from tactile_node.viewing.recordings import BagRecording, LogRecording
 from tactile_node.viewing.report_page import page_of
+from tactile_node.viewing.reporter import BagReporter, LogReporter
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -68,12 +68,11 @@ def _total(log: str) -> int | None:
 
 def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:
     if holds_taxels(args.log):
-        return BagReporter(args.log, channel=args.channel, bit_rate=args.bitrate, recogniser=recogniser_of(args),
-                           on_message=on_message, window=window_of(args))
-    pads = pads_of(args, args.pads)
-    return LogReporter(args.log, pads, channel=args.channel, eds=eds_of(args), any_device=args.any_device,
-                       bit_rate=args.bitrate, recogniser=recogniser_of(args), on_can_frame=on_message,
-                       window=window_of(args))
+        return BagReporter(BagRecording(args.log, window=window_of(args)), channel=args.channel, bit_rate=args.bitrate,
+                           recogniser=recogniser_of(args), on_message=on_message)
+    log = LogRecording(args.log, pads_of(args, args.pads), args.channel, args.any_device, window_of(args),
+                       eds_of(args))
+    return LogReporter(log, bit_rate=args.bitrate, recogniser=recogniser_of(args), on_message=on_message)
 
 
 def _files(log: str) -> list[str]:

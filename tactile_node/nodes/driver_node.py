@@ -224,13 +224,13 @@ class DriverNode(StageNode, LifecycleNode):
             raise RuntimeError('the driver is not configured')
         return self.source
 
-    def _make_clock(self, settings: DriverSettings) -> Callable[[float], None] | None:
-        """Return the function that publishes the time of a log on /clock, or None if publish_clock is false.
+    def _make_clock(self, settings: DriverSettings) -> Callable[[float], object]:
+        """Return the function that publishes the time of a log on /clock if publish_clock is true.
 
         Raises ConfigurationError if publish_clock is set for a live bus.
         """
         if not settings.publish_clock:
-            return None
+            return lambda stamp: None
         if not settings.replay:
             raise ConfigurationError('parameter publish_clock', expected='a replayed log whose time can be published',
                                      got='a live bus', remedy='Set publish_clock to false, or replay a log.')

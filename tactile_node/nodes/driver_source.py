@@ -47,7 +47,7 @@ def check_heartbeat(settings: DriverSettings) -> None:
 
 
 def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_frame: OnFrame, chain: Chain,
-                on_time: Callable[[float], None] | None = None) -> FrameSource:
+                on_time: Callable[[float], object]) -> FrameSource:
     """Return the supervised bus, or the log to replay, without opening it.
 
     Parameters
@@ -61,7 +61,7 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
         log on its own thread.
     chain : Chain
         Chain on which a bus assembles the frames.
-    on_time : callable or None
+    on_time : callable
         Function that a log calls with the current replay time [s].
 
     Raises
@@ -76,7 +76,8 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
     if settings.replay:
         return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
                          loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
-                         channel=settings.replay_channel, on_time=on_time, eds=settings.eds)
+                         channel=settings.replay_channel, eds=settings.eds,
+                         on_message=lambda message: on_time(message.timestamp))
     check_heartbeat(settings)
     bus = BusSettings(interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate,
                       sync_period=settings.sync_period, produce_sync=settings.produce_sync,

@@ -49,8 +49,6 @@ class LogSource:
     channel
         Bus to play if the log contains several buses. ``channel`` is required if SYNC, TPDOs or the pads' nodes are on
         two buses.
-    on_time
-        Called with the stamp [s] of each CAN frame before it is played.
     eds
         EDS of each pad, or one EDS for all pads, where '' means the EDS next to the layout.
     any_device
@@ -76,9 +74,9 @@ class LogSource:
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
-                 loop: bool = False, drop_incomplete: bool = False, channel: str = '',
-                 on_time: Callable[[float], None] | None = None, eds: Sequence[str] = ('',), any_device: bool = False,
-                 on_message: Callable[[can.Message], None] | None = None, window: TimeWindow = WHOLE):
+                 loop: bool = False, drop_incomplete: bool = False, channel: str = '', eds: Sequence[str] = ('',),
+                 any_device: bool = False, on_message: Callable[[can.Message], object] = lambda message: None,
+                 window: TimeWindow = WHOLE):
         check_pads(pads)
         self._path = path
         self._pace = pace
@@ -96,7 +94,6 @@ class LogSource:
         self._ahead = 0.0  # offset of the played stamps from the log's clock [s]
         self._is_active = False
         self._played = PlayedTimes()
-        self._on_time = on_time
         self._on_message = on_message
         self.failure: Failure | None = None
 
@@ -117,6 +114,23 @@ class LogSource:
         if self._messages is not None:
             self._is_active = True
             self._thread.start()
+
+    def play(self, stop_requested: threading.Event) -> None:
+        """Play the log on this thread, to its end or until ``stop_requested`` is set, and close it.
+
+        Raises
+        ------
+        LogError
+            Raised if the log cannot be read, cannot be played to its end, or if a taxel frame could not be processed.
+        """
+        self.open()
+        self._is_active = True
+        self._play(stop_requested)
+        self.close()
+        if self.failure or self.facts().consumer_errors:
+            raise LogError(self._path, expected='a log that can be played to the end',
+                           got=self.failure.detail.removesuffix('.') if self.failure else 'an error in a taxel frame',
+                           remedy='The frames before the error are not used.')
 
     def stop(self) -> None:
         self._is_active = False
@@ -190,11 +204,8 @@ class LogSource:
             for message in self._messages or ():
                 clock.wait_until(message.timestamp)
                 self._played.note(message.timestamp)
-                if self._on_time is not None:
-                    self._on_time(message.timestamp)
+                self._on_message(message)
                 self._check(message)
-                if self._on_message is not None:
-                    self._on_message(message)
                 self.heard.feed(message)
                 self._router.feed_message(message)
                 if stopping.is_set():

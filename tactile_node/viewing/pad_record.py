@@ -14,7 +14,7 @@ MEDIAN_PERIODS = 5000  #: number of latest periods used for the median
 
 
 class PadRecord:
-    """Processes the frames of one pad. Frames with another number of rows or columns are counted in ``misshapen``."""
+    """Processes the frames of one pad."""
 
     def __init__(self, name: str, rows: int, cols: int, pitch: float, unit: str, recogniser: VisibilityGuard):
         self._name, self._shape, self._pitch, self._unit = name, (rows, cols), pitch, unit
@@ -24,12 +24,11 @@ class PadRecord:
         self._periods: deque[float] = deque(maxlen=MEDIAN_PERIODS)
         self._last: TaxelFrame | None = None
         self._frames = self._incomplete = self._lost = 0
-        self.misshapen = 0
 
-    def feed(self, frame: TaxelFrame) -> None:
+    def feed(self, frame: TaxelFrame) -> bool:
+        """Process a frame, or return False without using it if its number of rows or columns differs."""
         if frame.values.shape != self._shape:
-            self.misshapen += 1
-            return
+            return False
         if self._last is not None:
             self._periods.append(frame.stamp - self._last.stamp)
             # a restarted driver starts again at sequence number 0
@@ -40,6 +39,7 @@ class PadRecord:
         self._gaps.feed(frame.stamp)
         self._taxels.feed(frame)
         self._touches.feed(frame)
+        return True
 
     def report(self) -> PadReport:
         """End the last touch and return the report on the pad."""

@@ -105,11 +105,13 @@ class RecordingSource(ViewSource):
 
     def _read(self) -> None:
         try:
-            problem = self._recording.read(self._timeline, self._closing.is_set)
+            self._recording.read(self._timeline, self._closing)
+            problem = self._recording.doubt
+            if not problem and self._recording.unread:
+                problem = f'not shown: {self._recording.unread} parts (last: {self._recording.problem})'
         except (TactileError, OSError) as error:  # the file has been removed, or the timeline has filled the disk
             problem = f'not read to its end: {error}'
-        if problem:
-            self.store.put_problem(problem)
+        self.store.put_problem(problem)
         self.is_complete = True
 
     def _died(self, error: Exception) -> None:

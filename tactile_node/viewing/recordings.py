@@ -1,17 +1,41 @@
-"""Recordings that a view can play: a bag of published taxel arrays, or a CAN log, assembled as in the driver."""
+"""Recordings that a view plays and a report describes: a bag of published taxel arrays, or a CAN log.
+
+A log is assembled as in the driver.
+"""
 
 import math
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, Protocol
+
+import can
 
 from tactile_node.assembly.facts import BusFacts
+from tactile_node.assembly.router import non_data_kind
 from tactile_node.errors import ConfigurationError
+from tactile_node.logs.damage import Damage
+from tactile_node.logs.logged_set_up import Contradiction, LoggedSetUp
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
 from tactile_node.logs.topic_bag import STATUS, TAXELS, TopicBagReader, frame_of, pad_of
-from tactile_node.skin.pads import PadSettings
+from tactile_node.skin.pads import PadSettings, identities_of
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
-from tactile_node.viewing.timeline import Timeline
+
+FACTS_PERIOD = 0.5  #: period at which the bus state is read [s], in log time for a log
+
+
+class Sink(Protocol):
+    """Takes everything that is read from a recording."""
+
+    def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
+        """Add a frame, or return False without adding it if its geometry differs from the pad's first frame."""
+
+    def add_facts(self, stamp: float, facts: Any) -> None:
+        """Add facts about the bus, or a SkinStatus message, at ``stamp`` [s]."""
+
+    def add_message(self, message: can.Message) -> None:
+        """Add a CAN frame of a log."""
 
 
 class BagRecording:
@@ -22,9 +46,18 @@ class BagRecording:
     path
         Path of the bag.
     pads
-        Pads to show, or empty for all pads in the bag.
+        Pads to read, or empty for all pads in the bag.
     window
-        Part of the bag to show.
+        Part of the bag to read.
+
+    Attributes
+    ----------
+    title
+        Path of the bag.
+    pads
+        Names of the pads.
+    window
+        Part of the bag that is read.
 
     Raises
     ------
@@ -35,112 +68,164 @@ class BagRecording:
     """
 
     def __init__(self, path: str, pads: Sequence[str] = (), window: TimeWindow = WHOLE):
-        self._reader, self._window = TopicBagReader(path), window
-        self.title = path
+        self._reader = TopicBagReader(path)
+        self.title, self.window = path, window
         if missing := [pad for pad in pads if pad not in self._reader.pads]:
             raise ConfigurationError('--pads', expected=f'some of {", ".join(self._reader.pads)}, as in the bag',
                                      got=', '.join(missing), remedy='Leave out --pads to show all pads.')
         self.pads = tuple(pads) or self._reader.pads
+        self._others = 0  # number of taxel arrays of another size
 
     def check(self) -> None:
         """Do nothing, because `__init__` has already opened the bag."""
 
-    def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
-        """Read the whole bag as fast as possible. Return a description of unreadable parts, or '' if there are none."""
-        others = 0
-        for message in self._reader.messages((TAXELS, STATUS), window=self._window):
-            if is_stopping():
-                return ''
+    def read(self, sink: Sink, stop_requested: threading.Event) -> None:
+        """Read the whole bag as fast as possible into ``sink``, or until ``stop_requested`` is set."""
+        for message in self._reader.messages((TAXELS, STATUS), window=self.window):
+            if stop_requested.is_set():
+                return
             if message.type == STATUS:
-                timeline.add_facts(message.stamp, message.content)
-                continue
-            if pad_of(message.topic) not in self.pads:
-                continue
-            taxels = message.content
-            others += not timeline.add(pad_of(message.topic), frame_of(taxels), float(taxels.pitch), taxels.unit)
-        unread = [f'{count} {reason.name.lower()}' for reason, count in self._reader.unread.items()]
-        unread += [f'{others} of another size than the first'] if others else []
-        return f'not shown: {", ".join(unread)} (last: {self._reader.problem})' if unread else ''
+                sink.add_facts(message.stamp, message.content)
+            elif pad_of(message.topic) in self.pads:
+                taxels = message.content
+                self._others += not sink.add(pad_of(message.topic), frame_of(taxels), float(taxels.pitch), taxels.unit)
 
+    @property
+    def unread(self) -> int:
+        """Number of messages or parts that could not be read."""
+        return self._reader.unread.total() + self._others
 
-FACTS_PERIOD = 0.5  #: period at which the bus state is read [s], in log time for a log
-READ_POLL = 0.2      #: polling period while a log is being read [s]
+    @property
+    def problem(self) -> str:
+        """Reason why the last unread part could not be read."""
+        return self._reader.problem or ('taxel arrays of another size' if self._others else '')
+
+    @property
+    def damages(self) -> tuple[Damage, ...]:
+        """Damaged places in the bag."""
+        return tuple(self._reader.damages)
+
+    @property
+    def doubt(self) -> str:
+        """Reason why the frames that were read may be wrong or missing, or ''."""
+        return ''
 
 
 class LogRecording:
     """A CAN log.
+
+    The recording withholds the frames of a pad as soon as the device set-up in the log contradicts the layout or EDS.
 
     Parameters
     ----------
     path
         Path of the log.
     pads
-        Pads to show.
-    channel, any_device, eds
+        Pads to read.
+    channel
         As in `LogSource`.
+    any_device
+        True to read the taxels even if they may come from another device.
     window
-        Part of the log to show.
+        Part of the log to read.
+    eds
+        As in `LogSource`.
+
+    Attributes
+    ----------
+    title
+        Path of the log.
+    pads
+        Names of the pads.
+    settings
+        Pads, with their layouts.
+    any_device
+        True if the taxels are read even if they may come from another device.
+    contradictions
+        Contradiction by name of the pad.
+    source
+        Source of the frames, whose facts can be read at any time.
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], channel: str = '', any_device: bool = False,
                  window: TimeWindow = WHOLE, eds: Sequence[str] = ('',)):
-        self._path, self._settings = path, pads
-        self._channel, self._any_device, self._window = channel, any_device, window
-        self._eds = eds
-        self._geometry = {pad.name: (pad.layout.pitch, pad.layout.value.unit) for pad in pads}
-        self.title = path
+        self.title, self.settings, self.any_device = path, pads, any_device
         self.pads = tuple(pad.name for pad in pads)
+        self.contradictions: dict[str, Contradiction] = {}
+        self._geometry = {pad.name: (pad.layout.pitch, pad.layout.value.unit) for pad in pads}
+        self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
+        self.source = LogSource(path, pads, self._add, pace=None, channel=channel, any_device=True,
+                                on_message=self._add_message, window=window)
+        self._looked = 0.0  # stamp at which the bus state was last read [s]
 
     def check(self) -> None:
         """Raise LogError if the log cannot be read at all."""
-        source = self._source(lambda pad, frame: None, lambda stamp: None)
-        source.open()
-        source.close()
+        self.source.open()
+        self.source.close()
 
-    def read(self, timeline: Timeline, is_stopping: Callable[[], bool]) -> str:
-        looked = 0.0
+    def read(self, sink: Sink, stop_requested: threading.Event) -> None:
+        """Read the whole log as fast as possible into ``sink``, or until ``stop_requested`` is set.
 
-        def on_frame(pad: str, frame: TaxelFrame) -> None:
-            timeline.add(pad, frame, *self._geometry[pad])
+        Raises
+        ------
+        LogError
+            Raised if the log cannot be read to its end, or if its CAN frames come from two buses.
+        """
+        self._sink = sink
+        try:
+            self.source.play(stop_requested)
+        finally:
+            self._add_facts()
 
-        def on_time(stamp: float) -> None:
-            nonlocal looked
-            if not 0 <= stamp - looked < FACTS_PERIOD:
-                looked = stamp
-                timeline.add_facts(stamp, _shown(source.facts()))
+    def _add(self, pad: str, frame: TaxelFrame) -> None:
+        if pad not in self.contradictions:
+            self._sink.add(pad, frame, *self._geometry[pad])
 
-        source = self._source(on_frame, on_time)
-        source.open()
-        source.start()
-        while not source.finished.wait(READ_POLL) and not is_stopping():
-            pass
-        source.close()
-        timeline.add_facts(looked, _shown(source.facts()))
-        if source.failure is not None:
-            return str(source.failure)
-        return _of_others(source) or _without_taxels(timeline) or _unread(source)
+    def _add_message(self, message: can.Message) -> None:
+        self._sink.add_message(message)
+        if not 0 <= message.timestamp - self._looked < FACTS_PERIOD:
+            self._looked = message.timestamp
+            self._add_facts()
+        if self._set_up is not None and non_data_kind(message) is None:
+            found = self._set_up.feed(message.arbitration_id, bytes(message.data))
+            if found is not None:
+                self.contradictions.setdefault(found.pad, found)
 
-    def _source(self, on_frame: Callable[[str, TaxelFrame], None], on_time: Callable[[float], None]) -> LogSource:
-        return LogSource(self._path, self._settings, on_frame, pace=None, channel=self._channel, on_time=on_time,
-                         any_device=self._any_device, window=self._window, eds=self._eds)
+    def _add_facts(self) -> None:
+        self._sink.add_facts(self._looked, _shown(self.source.facts()))
+
+    @property
+    def unread(self) -> int:
+        """Number of lines or parts that could not be read."""
+        return self.source.facts().unread_log_lines
+
+    @property
+    def problem(self) -> str:
+        """Reason why the last unread part could not be read."""
+        return self.source.reader.problem
+
+    @property
+    def damages(self) -> tuple[Damage, ...]:
+        """Damaged places in the log or in a series of logs."""
+        return tuple(self.source.reader.damages)
+
+    def strangers(self, pad: str) -> tuple[int, ...]:
+        """Return the nodes that send a pad's COB-IDs, if the pad's own nodes were not heard."""
+        return tuple(self.source.heard.strangers().get(pad, ()))
+
+    @property
+    def doubt(self) -> str:
+        """Reason why the frames that were read may be wrong or missing, or ''."""
+        found = [f'pad {pad} is not shown: node {other.node_id}, object 0x{other.object_index:04X} in the log is '
+                 f'{other.got}, expected {other.expected}' for pad, other in self.contradictions.items()]
+        found += [f'pad {pad}: node {", ".join(map(str, self.strangers(pad)))} sends its COB-IDs, not its own: check '
+                  '--node-id' for pad in self.pads if self.strangers(pad)]
+        if not found and not any(pad.published for pad in self.source.facts().pads):
+            found = ['no taxel frame of these pads in the log: check --node-id']
+        return '; '.join(found)
 
 
 def _shown(facts: BusFacts) -> BusFacts:
     """Return the facts about a log without the unknown bus load, and without the many counts that no view shows."""
     return replace(facts, bus_load=math.nan,
                    pads=tuple(replace(pad, distinct_by_tpdo=(), fresh_by_tpdo=()) for pad in facts.pads))
-
-
-def _of_others(source: LogSource) -> str:
-    """Return a warning if other nodes send a pad's COB-IDs, because the taxels may belong to those nodes."""
-    return '; '.join(f'pad {pad}: node {", ".join(map(str, nodes))} sends its COB-IDs, not its own: check --node-id'
-                     for pad, nodes in source.heard.strangers().items())
-
-
-def _unread(source: LogSource) -> str:
-    unread, last = source.facts().unread_log_lines, source.reader.problem
-    return f'not shown: {unread} lines or parts that could not be read (last: {last})' if unread else ''
-
-
-def _without_taxels(timeline: Timeline) -> str:
-    return '' if timeline.begin <= timeline.end else 'no taxel frame of these pads in the log: check --node-id'

@@ -6,6 +6,7 @@ from array import array
 from bisect import bisect_right
 from typing import NamedTuple
 
+import can
 import numpy as np
 
 from tactile_node.assembly.facts import BusFacts
@@ -74,6 +75,9 @@ class Timeline:
         """Add facts about the bus, or a SkinStatus message."""
         self._facts.append(facts)
         self._fact_times.append(max(stamp, self._fact_times[-1]) if self._fact_times else stamp)
+
+    def add_message(self, message: can.Message) -> None:
+        """Do nothing, because no view shows single CAN frames."""
 
     def index(self, pad: str, time: float) -> int:
         """Return the index of the newest frame of ``pad`` at ``time``, or -1 if there is none."""

@@ -1,0 +1,197 @@
+"""Make a report from a recording: a CAN log, or a bag with taxel arrays and, optionally, CAN frames."""
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import can
+
+from tactile_node.assembly.facts import pad_counts
+from tactile_node.errors import LogError
+from tactile_node.logs.log_reader import CanLogReader
+from tactile_node.logs.topic_bag import holds_can_frames
+from tactile_node.package_files import config_path
+from tactile_node.shape.methods import VisibilityGuard, make_recogniser
+from tactile_node.skin.pads import PadSettings
+from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.viewing.model import PadReport, Report
+from tactile_node.viewing.node_record import BusRecord, NodeRecords
+from tactile_node.viewing.pad_record import PadRecord
+from tactile_node.viewing.recordings import BagRecording, LogRecording
+from tactile_node.viewing.reported_file import Kind, ReportedFile, sha256_of
+from tactile_node.viewing.status_record import StatusRecord
+from tactile_node.viewing.touch import TouchList
+
+
+class _Reporter:
+    """Collects the facts about a recording.
+
+    Parameters
+    ----------
+    bit_rate
+        Bit rate of the bus [bit/s], or None if unknown. A recording does not contain the bit rate.
+    on_message
+        Called for each CAN frame and each message.
+    """
+
+    def __init__(self, bit_rate: int | None, on_message: Callable[[], object]):
+        self._on_message = on_message
+        self._pads: dict[str, PadRecord] = {}
+        self._bus = BusRecord(bit_rate)
+        self._nodes = NodeRecords({}, frozenset())
+
+    def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
+        """Add a taxel frame, or return False if its number of rows or columns differs from the pad's first frame."""
+        return self._pads[pad].feed(frame)
+
+    def add_facts(self, stamp: float, facts: Any) -> None:
+        """Do nothing, because the facts about a log are complete only at its end."""
+
+    def add_message(self, message: can.Message) -> None:
+        """Add a CAN frame."""
+        self._on_message()
+        self._bus.feed(message)
+        self._nodes.feed(message)
+
+
+class LogReporter(_Reporter):
+    """Reads a CAN log once, and makes a report.
+
+    The report omits a pad's taxels if the device set-up in the log contradicts the layout or EDS, or if other nodes
+    send the pad's COB-IDs.
+
+    Parameters
+    ----------
+    recording
+        The log.
+    bit_rate
+        Bit rate of the bus [bit/s], or None if unknown. A log does not contain the bit rate.
+    recogniser
+        Shape recogniser to use.
+    on_message
+        Called for each CAN frame.
+    """
+
+    def __init__(self, recording: LogRecording, *, bit_rate: int | None = None,
+                 recogniser: VisibilityGuard | None = None, on_message: Callable[[], object] = lambda: None):
+        super().__init__(bit_rate, on_message)
+        self._recording, pads = recording, recording.settings
+        recogniser = recogniser or make_recogniser()
+        self._pads = {pad.name: PadRecord(pad.name, pad.layout.rows, pad.layout.cols, pad.layout.pitch,
+                                          pad.layout.value.unit, recogniser) for pad in pads}
+        self._nodes = NodeRecords({node_id: pad.name for pad in pads for node_id in pad.node_ids}, _taken(pads))
+
+    def report(self, stop_requested: threading.Event) -> Report:
+        """Return the report.
+
+        Raises
+        ------
+        LogError
+            Raised if the log cannot be read, or if its CAN frames come from two buses.
+        KeyboardInterrupt
+            Raised if ``stop_requested`` is set.
+        """
+        log = self._recording
+        log.read(self, stop_requested)
+        if stop_requested.is_set():
+            raise KeyboardInterrupt
+        facts = log.source.facts()
+        recording = ReportedFile.of(
+            log.title, Kind.CAN_FRAMES, self._bus.begin or 0.0, self._bus.end, unread=log.unread, problem=log.problem,
+            damages=log.damages, clock_jumps=facts.clock_jumps)
+        return Report(recording, tuple(self._pad(pad, pad_counts(facts.pad(pad.name))) for pad in log.settings),
+                      self._nodes.reports(), self._bus.report(facts.can_frames))
+
+    def _pad(self, pad: PadSettings, counts: Mapping[str, int]) -> PadReport:
+        report = replace(
+            self._pads[pad.name].report(), node_ids=pad.node_ids, layout=Path(pad.layout.source).name,
+            layout_sha256=sha256_of(config_path(pad.layout.source)), counts=counts,
+            strangers=self._recording.strangers(pad.name))
+        contradiction = self._recording.contradictions.get(pad.name)
+        if self._recording.any_device or contradiction is None and not report.strangers:
+            return report
+        return replace(report, contradiction=contradiction, are_of_others=True, touches=TouchList(), samples=(),
+                       health=None)
+
+
+def _taken(pads: Sequence[PadSettings]) -> frozenset[int]:
+    return frozenset(tpdo.cob_id.of(pad.node_ids[tpdo.node]) for pad in pads for tpdo in pad.layout.tpdos) | {
+        pad.layout.sync_cob_id for pad in pads}
+
+
+class BagReporter(_Reporter):
+    """Reads a bag with taxel arrays once, and makes a report.
+
+    Parameters
+    ----------
+    recording
+        The bag.
+    channel
+        Topic with the CAN frames, needed if the bag has several such topics.
+    bit_rate
+        Bit rate of the CAN bus [bit/s], or None if unknown.
+    recogniser
+        Shape recogniser to use.
+    on_message
+        Called for each message.
+    """
+
+    def __init__(self, recording: BagRecording, *, channel: str = '', bit_rate: int | None = None,
+                 recogniser: VisibilityGuard | None = None, on_message: Callable[[], object] = lambda: None):
+        super().__init__(bit_rate, on_message)
+        self._recording, self._channel = recording, channel
+        self._recogniser = recogniser or make_recogniser()
+        self._status = StatusRecord()
+        self._begin = float('inf')  # stamp of the first taxel frame [s]
+        self._end = -float('inf')
+
+    def report(self, stop_requested: threading.Event) -> Report:
+        """Return the report.
+
+        Raises
+        ------
+        LogError
+            Raised if the bag has no valid taxel array.
+        KeyboardInterrupt
+            Raised if ``stop_requested`` is set.
+        """
+        bag = self._recording
+        bag.read(self, stop_requested)
+        if stop_requested.is_set():
+            raise KeyboardInterrupt
+        if not self._pads:
+            raise LogError(bag.title, expected='a taxel array', got=bag.problem or 'none', remedy='Record it again.')
+        pads = tuple(replace(record.report(), counts=self._status.counts(name))
+                     for name, record in sorted(self._pads.items()))
+        kind, nodes, bus = Kind.TOPICS, self._status.nodes(), self._status.bus()
+        if holds_can_frames(bag.title):
+            kind = Kind.BOTH
+            self._read_can_frames(stop_requested)
+            nodes, bus = self._nodes.reports(), replace(self._bus.report(None), reported=bus.reported)
+        recording = ReportedFile.of(bag.title, kind, self._begin, self._end, unread=bag.unread, problem=bag.problem,
+                                    damages=bag.damages)
+        return Report(recording, pads, nodes, bus)
+
+    def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
+        """Add a taxel frame, or return False if its number of rows or columns differs from the pad's first frame."""
+        self._on_message()
+        if pad not in self._pads:
+            rows, cols = frame.values.shape
+            self._pads[pad] = PadRecord(pad, rows, cols, pitch, unit, self._recogniser)
+        self._begin, self._end = min(self._begin, frame.stamp), max(self._end, frame.stamp)
+        return super().add(pad, frame, pitch, unit)
+
+    def add_facts(self, stamp: float, facts: Any) -> None:
+        """Add a SkinStatus."""
+        self._on_message()
+        self._status.feed(stamp, facts)
+
+    def _read_can_frames(self, stop_requested: threading.Event) -> None:
+        """Read the CAN frames, which are not counted by service, because only a layout identifies TPDOs."""
+        self._nodes = NodeRecords({node.node_id: node.pad for node in self._status.nodes() or ()}, frozenset())
+        for message in CanLogReader(self._recording.title, self._channel, self._recording.window):
+            if stop_requested.is_set():
+                raise KeyboardInterrupt
+            self.add_message(message)
