@@ -11,7 +11,6 @@ from test_logs import DATA
 from tactile_node.assembly.facts import losses_in
 from tactile_node.conditioning.taxel_faults import TaxelFault
 from tactile_node.errors import LogError
-from tactile_node.logs.bag_records import message_count
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.skin.pads import make_pads
@@ -347,11 +346,6 @@ def test_a_clock_that_is_set_forward_costs_no_memory():
     load = bus.report({}).load
     assert len(load.stamps) < 20 and load.bit_rates.max() == 2 * 135
     assert load.mean == pytest.approx(6 * 135 / BEGIN, rel=0.01)
-
-
-def test_messages_are_counted_for_the_progress(tmp_path):
-    assert message_count(SESSION, ()) == len(session(100))
-    assert message_count(tmp_path / 'none.log', ()) is None
 
 
 def test_memory_is_bounded():

@@ -1,7 +1,6 @@
 """`tactile report` writes an HTML page about a recording, for a support ticket."""
 
 import argparse
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,10 +19,8 @@ from tactile_node.cli.options import (
 )
 from tactile_node.cli.progress import count_progress
 from tactile_node.interruption import interruption
-from tactile_node.logs.bag_records import message_count
 from tactile_node.logs.series import files_of
-from tactile_node.logs.topic_bag import CAN_TYPE as CAN_FRAMES
-from tactile_node.logs.topic_bag import STATUS, TAXELS, holds_taxels
+from tactile_node.logs.topic_bag import holds_taxels
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.viewing.findings import findings
 from tactile_node.viewing.recordings import BagRecording, LogRecording
@@ -52,18 +49,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     check_writable(args.output, _files(args.log), force=args.force)
     with interruption() as stop_requested, output_file(args.output) as stream, \
-            count_progress(Path(args.log).name, ' frames', _total(args.log)) as bar:
+            count_progress(Path(args.log).name, ' frames') as bar:
         report = _reporter(args, bar.update).report(stop_requested)
         stream.write(page_of(report).encode())
     problems = [found.sentence for found in findings(report) if found.finding.is_problem]
     print(f'{args.output}: {len(report.pads)} pads, {sum(len(pad.touches) for pad in report.pads)} touches, '
           f'{len(problems)} problems', *problems, sep='\n  ')
     return 0
-
-
-def _total(log: str) -> int | None:
-    """Return the number of messages for the progress bar, or None if no bar is shown."""
-    return message_count(log, (CAN_FRAMES, TAXELS, STATUS)) if sys.stderr.isatty() else None
 
 
 def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:

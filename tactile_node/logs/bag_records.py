@@ -1,8 +1,6 @@
 """Read the raw messages of a ROS 2 bag in order without ROS: .mcap, .db3 (rosbag2) or a bag folder."""
 
-import gzip
-import zlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -81,49 +79,6 @@ def require_topic(path: str | Path, topics: Mapping[str, str], kind: str, remedy
     if kind not in topics.values():
         got = ', '.join(f'{topic} ({other})' for topic, other in sorted(topics.items())) or 'no readable topic'
         raise LogError(str(path), expected=f'a bag with a topic of type {kind}', got=got, remedy=remedy)
-
-
-def message_count(path: str | Path, types: Collection[str]) -> int | None:
-    """Count the messages of a recording for a progress bar.
-
-    Errors in the file are ignored during counting, because the message reader reports them.
-
-    Parameters
-    ----------
-    path
-        Path of a .log file, whose lines are counted, or of a bag of .mcap files.
-    types
-        Message types to count in a bag.
-
-    Returns
-    -------
-    int or None
-        Number of lines or messages, or None if counting would require reading the messages.
-    """
-    path = Path(path)
-    is_text = path.name.lower().removesuffix('.gz').endswith('.log')
-    if not path.exists() or not (is_text or is_bag(path)):
-        return None
-    total = 0
-    for file in files_of(path):
-        try:
-            count = _lines(file) if is_text else _count(file, types)
-        except (OSError, EOFError, zlib.error, LogError):
-            return None
-        if count is None:
-            return None
-        total += count
-    return total
-
-
-def _lines(path: Path) -> int:
-    with gzip.open(path) if path.suffix == '.gz' else open(path, 'rb') as stream:
-        return sum(chunk.count(b'\n') for chunk in iter(lambda: stream.read(1 << 20), b''))
-
-
-def _count(path: Path, types: Collection[str]) -> int | None:
-    with bag_file(path) as file:
-        return file.count(types)
 
 
 def library(name: str, path: str | Path):

@@ -16,7 +16,7 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from io import BytesIO
 from typing import BinaryIO
 
@@ -93,13 +93,6 @@ class McapFile:
             for _ in self.read():
                 pass
         return {channel.topic: channel.type for channel in self._channels.values()}
-
-    def count(self, types: Collection[str]) -> int | None:
-        """Return the number of messages of the given types, or None if the file has no summary with the counts."""
-        if self.summary is None or self.summary.statistics is None:
-            return None
-        counts = self.summary.statistics.channel_message_counts
-        return sum(counts.get(key, 0) for key, channel in self._channels.items() if channel.type in types)
 
     def read(self, since: int = 0) -> Iterator[Recorded | Damage]:
         """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` for each damaged part of the file."""

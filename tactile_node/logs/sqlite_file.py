@@ -1,7 +1,7 @@
 """Read the messages of one .db3 file of a bag, and open SQLite databases."""
 
 import sqlite3
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -24,10 +24,6 @@ class SqliteFile:
                 return dict(base.execute('SELECT name, type FROM topics'))
         except sqlite3.Error:
             return {}
-
-    def count(self, types: Collection[str]) -> int | None:
-        """Return None, because the file does not contain the number of its messages."""
-        return None
 
     def read(self, since: int = 0) -> Iterator[Recorded | Damage]:
         """Yield the messages recorded at ``since`` [ns] or later, and a `Damage` for each damaged part of the file."""
