@@ -2,7 +2,6 @@
 
 import gzip
 import logging
-import queue
 import subprocess
 import sys
 import threading
@@ -221,31 +220,6 @@ def test_pace_stop_and_start_lose_nothing(tmp_path):
     assert source.finished.wait(60)
     source.close()
     np.testing.assert_allclose(stamps, np.arange(30) / 100)
-
-
-def test_loop_keeps_stamps_rising(tmp_path):
-    frames = queue.Queue()
-    source = LogSource(str(tiny_log(tmp_path, SYNC, *ROWS)), tiny_pads(tmp_path),
-                       lambda _name, frame: frames.put(frame), pace=None, loop=True)
-    source.open()
-    source.start()
-    stamps = [frames.get(timeout=60).stamp for _ in range(4)]
-    source.close()
-    np.testing.assert_allclose(stamps, [1.0, 1.3, 1.6, 1.9])
-
-
-def test_a_loop_never_completes_its_last_sweep_with_its_first_can_frames(tmp_path):
-    """A log from a running bus starts and ends in the middle of a sweep."""
-    frames = queue.Queue()
-    lines = ('(1.0) can0 281#4444', '(1.1) can0 381#4545', '(1.2) can0 080#', '(1.3) can0 181#1414')
-    source = LogSource(str(tiny_log(tmp_path, *lines)), tiny_pads(tmp_path), lambda _name, frame: frames.put(frame),
-                       pace=None, loop=True)
-    source.open()
-    source.start()
-    taken = [frames.get(timeout=60) for _ in range(3)]
-    source.close()
-    assert [frame.missing_can_frames for frame in taken] == [2, 2, 2]
-    assert all(np.isnan(frame.values[1:]).all() and (frame.values[0] == 20).all() for frame in taken)
 
 
 TWO_BUSES = ('(1.0) can0 080#', '(1.0) can1 080#', '(1.1) can0 181#0A0A', '(1.1) can1 181#1414', '(1.2) can0 281#0A0A',

@@ -54,16 +54,6 @@ def test_a_consumer_with_simulated_time_sees_the_time_of_the_log(ros):
     assert all(0 < age < TIMEOUT for _, age in seen)  # The age counts from the playback, not from the recording.
 
 
-def test_clocks_of_a_looped_log_do_not_go_back(ros):
-    replay = Replay(ros, replay_pace=0.0, replay_loop=True)
-    clocks = []
-    replay.consumer.create_subscription(Clock, '/clock', lambda message: clocks.append(seconds(message.clock)), 1000)
-    replay.driver.autostart()
-    length = read_candump(LOG)[-1].stamp - read_candump(LOG)[0].stamp
-    replay.until(lambda: clocks and clocks[-1] - clocks[0] > 2 * length)
-    assert clocks == sorted(clocks)
-
-
 def test_a_live_bus_does_not_publish_the_time(ros):
     replay = Replay(ros, replay='', interface='virtual', channel='clock')
     assert replay.driver.trigger_configure() == TransitionCallbackReturn.FAILURE

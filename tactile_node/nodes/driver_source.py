@@ -75,8 +75,7 @@ def make_source(settings: DriverSettings, pads: tuple[PadSettings, ...], on_fram
                                  remedy='Unset one of the two. To duplicate a log, copy its file.')
     if settings.replay:
         return LogSource(settings.replay, pads, on_frame, pace=settings.replay_pace or None,
-                         loop=settings.replay_loop, drop_incomplete=settings.drop_incomplete,
-                         channel=settings.replay_channel, eds=settings.eds,
+                         drop_incomplete=settings.drop_incomplete, channel=settings.replay_channel, eds=settings.eds,
                          on_message=lambda message: on_time(message.timestamp))
     check_heartbeat(settings)
     bus = BusSettings(interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate,

@@ -88,7 +88,6 @@ class DriverSettings(NodeSettings):
     replay_pace: float = parameter(1.0, 'speed of the replay: 1 as recorded, 0 as fast as possible', 0, 1000)
     replay_channel: str = parameter('', 'name of the bus to play if the log contains several buses; for a bag, the '
                                     'topic')
-    replay_loop: bool = parameter(False, 'true: restart the log at its end; the stamps continue')
     publish_clock: bool = parameter(False, 'true: in a replay, publish the time of the log on /clock, for nodes with '
                                     'use_sim_time')
     record: str = parameter('', 'file to which the bus is recorded; its suffix selects the format. If the file exists, '

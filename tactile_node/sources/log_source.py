@@ -42,8 +42,6 @@ class LogSource:
         lost.
     pace
         1.0 for the recorded pace, 2.0 for twice as fast, or None for as fast as possible.
-    loop
-        True to restart at the end of the log, with stamps shifted by the length of the log.
     drop_incomplete
         True to drop taxel frames with missing CAN frames.
     channel
@@ -74,13 +72,12 @@ class LogSource:
     """
 
     def __init__(self, path: str, pads: tuple[PadSettings, ...], on_frame: OnFrame, pace: float | None = 1.0,
-                 loop: bool = False, drop_incomplete: bool = False, channel: str = '', eds: Sequence[str] = ('',),
+                 drop_incomplete: bool = False, channel: str = '', eds: Sequence[str] = ('',),
                  any_device: bool = False, on_message: Callable[[can.Message], object] = lambda message: None,
                  window: TimeWindow = WHOLE):
         check_pads(pads)
         self._path = path
         self._pace = pace
-        self._loop = loop
         self._router = Router(tuple(pads), on_frame, drop_incomplete=drop_incomplete)
         self.reader = CanLogReader(path, channel, window)
         self._messages: Iterator[can.Message] | None = None
@@ -89,7 +86,6 @@ class LogSource:
         self._one_bus = OneBus(_of_pads(pads) | set(self._router.can_ids))
         self._thread = StoppableThread(self._play, 'replay', self._died)
         self.finished = threading.Event()
-        self._unread = 0  # number of unread lines in earlier rounds of the loop
         self._jumps = 0  # number of times that the clock was set back during recording
         self._ahead = 0.0  # offset of the played stamps from the log's clock [s]
         self._is_active = False
@@ -159,29 +155,20 @@ class LogSource:
     def facts(self) -> BusFacts:
         """Return the facts about the log. A log has no nodes, so it can only fail as a whole."""
         return replace(self._router.facts(), failure=self.failure, active=self._is_active,
-                       unread_log_lines=self._unread + self.reader.unread, clock_jumps=self._jumps,
+                       unread_log_lines=self.reader.unread, clock_jumps=self._jumps,
                        stamps_ahead=self._ahead)
 
     def _all_messages(self) -> Iterator[can.Message]:
-        shift = 0.0
-        while True:
-            first = last = None
-            self._ahead = 0.0
-            for message in self._past_gaps():
-                message.timestamp += self._ahead
-                if last is not None and message.timestamp < last - SET_BACK:  # the clock was set back during recording
-                    self._jumps += 1
-                    self._ahead += last - message.timestamp
-                    message.timestamp = last
-                first = message.timestamp if first is None else first
-                last = message.timestamp
-                message.timestamp += shift
-                yield message
-            if not self._loop or first is None or last is None:
-                return
-            self._router.end()  # without this, the first CAN frames could complete the last sweep
-            self._unread += self.reader.unread
-            shift += last - first
+        last = None
+        self._ahead = 0.0
+        for message in self._past_gaps():
+            message.timestamp += self._ahead
+            if last is not None and message.timestamp < last - SET_BACK:  # the clock was set back during recording
+                self._jumps += 1
+                self._ahead += last - message.timestamp
+                message.timestamp = last
+            last = message.timestamp
+            yield message
 
     def _past_gaps(self) -> Iterator[can.Message]:
         """Yield the messages, and end the SYNC period at each gap.
