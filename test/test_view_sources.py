@@ -100,7 +100,7 @@ def test_a_view_can_seek_in_a_log():
     def shown(position):
         """Return the position of the frame that is shown, and the shape of the pad."""
         source.seek(position)
-        until(lambda: 0 <= source.age(source.store.shown().pads['left']) < 0.0401)
+        until(lambda: (seen := source.store.shown().pads['left']) is not None and 0 <= source.age(seen) < 0.0401)
         seen = source.store.shown().pads['left']
         return seen.stamp - BEGIN, seen.contact.shape
     assert shown(4.76) == (pytest.approx(4.76), 'none')

@@ -111,7 +111,8 @@ class RecordingSource(ViewSource):
                 problem = f'not shown: {self._recording.unread} parts (last: {self._recording.problem})'
         except (TactileError, OSError) as error:  # the file has been removed, or the timeline has filled the disk
             problem = f'not read to its end: {error}'
-        self.store.put_problem(problem)
+        if problem:
+            self.store.put_problem(problem)
         self.is_complete = True
 
     def _died(self, error: Exception) -> None:
