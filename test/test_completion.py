@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_node.cli.completion import SHELLS, chosen_command
-from tactile_node.cli.main import COMMANDS, main
+from tactile_node.cli.main import COMMANDS, chosen_command
 
 ROOT = Path(__file__).resolve().parents[1]
 HEAVY = 'scipy', 'rclpy', 'matplotlib', 'can', 'canopen'
@@ -49,22 +48,15 @@ def test_a_shell_gets_the_completions_without_waiting_for_imports(tmp_path, line
 
 @pytest.mark.bus
 @pytest.mark.skipif(shutil.which('bash') is None, reason='no bash')
-def test_bash_completes_after_the_line_that_the_help_gives(tmp_path):
+def test_bash_completes_after_the_line_of_the_page(tmp_path):
     program = tmp_path / 'tactile'
     program.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m tactile_node.cli.main "$@"\n')
     program.chmod(0o755)
     line = 'tactile classify --full'
-    script = (f'eval "$(tactile completion bash)"; COMP_LINE="{line}"; COMP_POINT={len(line)}; COMP_TYPE=9; '
-              'COMP_WORDS=(tactile classify --full); COMP_CWORD=2\n'
+    script = (f'eval "$(register-python-argcomplete tactile)"; COMP_LINE="{line}"; COMP_POINT={len(line)}; '
+              'COMP_TYPE=9; COMP_WORDS=(tactile classify --full); COMP_CWORD=2\n'
               '$(complete -p tactile | sed "s/.*-F \\([^ ]*\\).*/\\1/") tactile --full classify\n'
               'echo "${COMPREPLY[@]}"')
     result = subprocess.run(['bash', '-c', script], env=os.environ | {'PATH': f'{tmp_path}:{os.environ["PATH"]}'},
                             capture_output=True, text=True, timeout=60, check=False)
     assert result.stdout.split() == ['--full-scale'], result.stderr
-
-
-@pytest.mark.parametrize('shell', SHELLS)
-def test_every_shell_has_its_lines(shell, capsys):
-    assert main(['completion', shell]) == 0
-    printed = capsys.readouterr().out
-    assert 'tactile' in printed and '_ARGCOMPLETE' in printed

@@ -35,7 +35,7 @@ RULES = (
     Rule(r'^(ros2|rosdep|rviz2|plotjuggler)\b', Kind.ROS2),
     Rule(r'^(for|done|do)\b|^(ros2|ROS_DOMAIN_ID=\S+ ros2) security', Kind.ROS2, 'SROS 2'),
     Rule(r'--enclave', Kind.ROS2, 'SROS 2'),
-    Rule(r'^(export|source|kill|echo)\b', Kind.SHELL),
+    Rule(r'^(export|source|kill|echo|register-python-argcomplete)\b', Kind.SHELL),
     Rule(r'^(sudo ip|ip)\b|socketcan', Kind.HARDWARE, 'a CAN interface of the kernel'),
     Rule(r'^(sudo apt|apt|git)\b', Kind.NETWORK),
     Rule(r'^sudo (ptp4l|phc2sys)\b', Kind.NETWORK, 'a network card with a PTP clock'),
@@ -62,7 +62,6 @@ RULES = (
     Rule(r'^tactile assess', Kind.TESTED, 'test/test_assess.py'),
     Rule(r'^tactile view', Kind.TESTED, 'test/test_view_sources.py'),
     Rule(r'^fast-discovery-server -i', Kind.TESTED, 'test/hosts_bench.py'),
-    Rule(r'^tactile completion', Kind.TESTED, 'test/test_completion.py'),
     Rule(r'^tactile sdo (?!.*slcan)', Kind.TESTED, 'test/test_sdo_command.py'),
     Rule(r'^tactile (replay|features|classify|draft|check|scan|simulate|sdo)\b', Kind.RUN, HERE),
 )

@@ -5,7 +5,7 @@ import argparse
 import logging
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
@@ -35,7 +35,6 @@ COMMANDS = (
     ('assess', 'report how reliable recognition is on your own skin, and adapt the model'),
     ('commission', 'measure a gripper and its pads on the desk, and write its parameters'),
     ('sdo', 'read or write one object of a device'),
-    ('completion', 'print a shell script for TAB completion of `tactile`'),
 )
 FIRST_COMMANDS = 11
 
@@ -44,8 +43,7 @@ RUNS_NODES = 'bringup'
 
 #: Modules without which a command is of no use. The help text lists the missing ones.
 NEEDED = {'simulate': ('termios',), 'bringup': ('rclpy', 'tactile_skin'), 'view': ('viser',),
-          'tare': ('rclpy', 'tactile_skin'), 'commission': ('rclpy', 'tactile_skin', 'control_msgs'),
-          'completion': ('argcomplete',)}
+          'tare': ('rclpy', 'tactile_skin'), 'commission': ('rclpy', 'tactile_skin', 'control_msgs')}
 _ROS = 'Source a ROS 2 workspace that contains tactile_skin, or run `make setup` once.'
 #: Remedies for missing modules, by module name.
 NEEDS = {'rclpy': _ROS, 'rcl_interfaces': _ROS, 'tactile_skin': _ROS,
@@ -104,13 +102,24 @@ def program() -> int:
     """Run `main` as a process, then ignore Ctrl-C, because an interrupt during shutdown would look like a crash."""
     if COMPLETES in os.environ:
         import argcomplete
-
-        from tactile_node.cli.completion import chosen_command
         argcomplete.autocomplete(_parser(chosen_command(os.environ)))  # ends the process
     try:
         return main()
     finally:
         ignore_interruptions()
+
+
+def chosen_command(environment: Mapping[str, str]) -> str:
+    """Return the sub-command on the command line, or '' while the user is still typing it.
+
+    >>> chosen_command({'COMP_LINE': 'tactile classify --pi', 'COMP_POINT': '21', '_ARGCOMPLETE': '1'})
+    'classify'
+    >>> chosen_command({'COMP_LINE': 'tactile cla', 'COMP_POINT': '11', '_ARGCOMPLETE': '1'})
+    ''
+    """
+    line = environment.get('COMP_LINE', '')[:int(environment.get('COMP_POINT') or 0)]
+    words = line.split()[int(environment.get('_ARGCOMPLETE') or 1):]
+    return words[0] if words and len(line.split(words[0], 1)[1]) else ''
 
 
 @contextmanager
