@@ -11,6 +11,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
@@ -39,6 +40,7 @@ class Hand:
         import rclpy
         self.position, self.goals, self.cancels = 0.05, [], 0
         self.is_accepting, self.sends_states = True, True
+        self.values = [250.0] * 16
         self._target, self._sequence = self.position, 0
         self._action = action
         self._goal = None
@@ -90,7 +92,7 @@ class Hand:
         self._sequence += 1
         for publisher in self._taxels:
             frame = TaxelArray(sequence=self._sequence, rows=4, cols=4, pitch=0.002, unit='Pa',
-                               values=array('f', [250.0] * 16), status=array('B', [TaxelArray.VALID] * 16))
+                               values=array('f', self.values), status=array('B', [TaxelArray.VALID] * 16))
             frame.header.stamp = stamp
             publisher.publish(frame)
 
@@ -134,6 +136,18 @@ def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, grippe
     np.testing.assert_allclose(recording.pads[0].forces, 250.0 * 0.002 ** 2, rtol=1e-5)  # Pa to N
     assert np.all(np.diff(recording.joint.times) > 0)
     assert recording.joint.positions[-1] == pytest.approx(0.05)
+
+    diagnostics = hand.node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+    hand.values = [250.0, 0.0, 0.0, 0.0] * 4
+    until(lambda: diagnostics.get_subscription_count())
+    diagnostics.publish(DiagnosticArray(status=[
+        DiagnosticStatus(name='/hand: left', values=[KeyValue(key='mirrored', value='True'),
+                                                     KeyValue(key='serial_number', value='17')]),
+        DiagnosticStatus(name='/other: right', values=[KeyValue(key='mirrored', value='True')])]))
+    until(lambda: found.serial_numbers() == ('17', ''))
+    found.advance(0.3)
+    left, right = found.advance(0.3).pads
+    assert np.all(left.forces[:, :, 3] > 0) and np.all(right.forces[:, :, 0] > 0)  # as the device counts its columns
 
     found.command(0.03, 5.0, 0.01)
     until(lambda: hand.goals)

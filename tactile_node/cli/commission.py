@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from tactile_node.gripper.ros_gripper import RosGripper
 
 GRAVITY = 9.81       #: [m/s²]
+DEFAULT_PADS = ['left', 'right']  #: names of the pads without --pads
 CHECK_REST = 20.0    #: duration of the recording of the untouched pads in a check [s]
 CHECK_TRIALS = 3     #: number of trials of each way to stop in a check
 RESULTS = 'parameters.yaml', 'report.md', 'report.json', 'check.json'  #: files beside the record
@@ -80,7 +81,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                         'action (default: %(default)s)')
     topics.add_argument('--joint-states', default='joint_states', metavar='TOPIC', help='topic of the joint states '
                         '(default: %(default)s)')
-    topics.add_argument('--pads', type=pad_names, default=['left', 'right'], metavar='NAME,NAME', help='names of the '
+    topics.add_argument('--pads', type=pad_names, metavar='NAME,NAME', help='names of the '
                         'two pads (default: left,right)')
     topics.add_argument('--namespace', default='', help='namespace of the driver and of the gripper')
 
@@ -97,12 +98,12 @@ def run(args: argparse.Namespace) -> int:
                          remedy='Give another folder.') from error
     _check_folder(folder)
     record = CommissioningRecord(folder / 'record.json')
-    joint = _stated(args, record)['joint']
+    stated = _stated(args, record)
     person = Terminal(sys.stdin, sys.stdout)
     if args.check:
         _check_record(record, folder)
     person.say(f'{SAFETY}\nConnecting to the gripper and the pads ...')
-    with interrupted_once(), _connected(args, joint) as (gripper, grid):
+    with interrupted_once(), _connected(args, stated['joint'], stated.get('pads', DEFAULT_PADS)) as (gripper, grid):
         plan = _plan(args, record, grid)
         return _check(gripper, person, plan, record, folder) if args.check else \
             _commission(gripper, person, plan, record, folder, args.skip)
@@ -208,7 +209,7 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
 
 
 @contextmanager
-def _connected(args: argparse.Namespace, joint: str) -> 'Iterator[tuple[RosGripper, PadGrid]]':
+def _connected(args: argparse.Namespace, joint: str, pads: Sequence[str]) -> 'Iterator[tuple[RosGripper, PadGrid]]':
     """Connect to the gripper and the pads. At the end, wait until the gripper has answered the last commands."""
     import rclpy
     from rclpy.signals import SignalHandlerOptions
@@ -220,7 +221,7 @@ def _connected(args: argparse.Namespace, joint: str) -> 'Iterator[tuple[RosGripp
     try:
         with translate_rclpy_errors():
             node = rclpy.create_node('tactile_commission', namespace=args.namespace)
-            gripper = RosGripper(node, action=args.action, joint=joint, joint_states=args.joint_states, pads=args.pads)
+            gripper = RosGripper(node, action=args.action, joint=joint, joint_states=args.joint_states, pads=pads)
         try:
             with spinning([node]):
                 try:
@@ -241,8 +242,8 @@ def _check_options(args: argparse.Namespace) -> None:
     if not sys.stdin.isatty():
         raise ConfigurationError('standard input', expected='a terminal, because a person has to watch the gripper',
                                  got='a file or a pipe', remedy='Start the command in a terminal, without "<" or "|".')
-    if len(set(args.pads)) != 2:
-        raise ConfigurationError('--pads', expected='two names', got=', '.join(args.pads) or 'none',
+    if args.pads and len(set(args.pads)) != 2:
+        raise ConfigurationError('--pads', expected='two names', got=', '.join(args.pads),
                                  remedy='Give, for example, --pads left,right.')
     if wrong := [step for step in args.skip if step not in OPTIONAL]:
         raise ConfigurationError('--skip', expected=f'one of {", ".join(OPTIONAL)}', got=', '.join(wrong),
@@ -280,11 +281,12 @@ def _stated(args: argparse.Namespace, record: 'CommissioningRecord') -> dict[str
         'blocks': ('--blocks', args.blocks and [asdict(_block(each)) for each in args.blocks]),
         'weight': ('--weight', args.weight and GRAVITY * args.weight),
         'down': ('--down', args.down and list(DOWN[args.down])), 'rest_time': ('--rest-time', args.rest_time),
-        'hold_time': ('--hold-time', args.hold_time), 'stop_trials': ('--stop-trials', args.stop_trials)}
+        'hold_time': ('--hold-time', args.hold_time), 'stop_trials': ('--stop-trials', args.stop_trials),
+        'pads': ('--pads', args.pads)}
     given = {name: value for name, (_, value) in options.items() if value is not None}
     if kept := record.get('plan'):
         for name, value in given.items():
-            if value != kept[name]:
+            if value != kept.get(name, DEFAULT_PADS):
                 raise ConfigurationError(options[name][0], expected=f'{kept[name]} as in the record', got=str(value),
                                          remedy='Give another --output for another gripper or plan.')
         return kept

@@ -21,6 +21,9 @@ class CommissionedGripper(Protocol):
     def cancel(self) -> None:
         """Cancel all goals."""
 
+    def serial_numbers(self) -> tuple[str, str]:
+        """Return the serial number of each pad, or '' if it is not known."""
+
     def others(self) -> str:
         """Return the other client that commands the gripper, for example touch_gripper, or '' if there is none."""
 

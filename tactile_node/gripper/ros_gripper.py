@@ -11,6 +11,7 @@ from uuid import uuid4
 
 import numpy as np
 from action_msgs.msg import GoalStatus, GoalStatusArray
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
@@ -23,6 +24,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.gripper.duplicate_watch import LISTEN_TIME, DuplicateWatch
 from tactile_node.gripper.messages import PARALLEL, GoalValues, gripper_interface
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.message_guard import publisher_names
 from tactile_node.ros.contact_messages import taxel_values
 from tactile_node.ros.message_age import MeasurementTime
 from tactile_node.ros.message_checks import check_taxel_array
@@ -59,6 +61,9 @@ class _Position(NamedTuple):
 
 class RosGripper:
     """A `CommissionedGripper` on ROS. Another thread has to spin the node.
+
+    The forces are given as the device counts its columns: columns that the driver mirrors are mirrored back. A
+    commissioning therefore finds the same mounting before and after its parameters are applied.
 
     The heartbeat of touch_gripper is sent as well, so a touch_gripper on the same action does not close meanwhile.
 
@@ -107,6 +112,8 @@ class RosGripper:
         self._status = node.create_subscription(GoalStatusArray, f'{action}/_action/status', self._on_status,
                                                 qos_profile_action_status_default)
         self._states = node.create_subscription(JointState, joint_states, self._on_state, qos_profile_sensor_data)
+        self._diagnostics = node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        self._facts: list[dict[str, str]] = [{}, {}]  # values of the pads on /diagnostics; empty for another driver
         self._taxels = [GuardedSubscription(node, TaxelArray, f'{pad}/taxels', partial(self._on_taxels, number),
                                             frames_qos(MOST_WAITING), check=check_taxel_array, steady=steady)
                         for number, pad in enumerate(pads)]
@@ -190,6 +197,11 @@ class RosGripper:
             handle = ClientGoalHandle(self._client, UUID(uuid=list(goal_id)), None)
             self._expect(handle.cancel_goal_async())
 
+    def serial_numbers(self) -> tuple[str, str]:
+        """Return the serial number of each pad, or '' if the driver does not publish it."""
+        left, right = (facts.get('serial_number', '') for facts in self._facts)
+        return left, right
+
     def others(self) -> str:
         """Return the other client or server of the gripper, or '' if there is none.
 
@@ -239,9 +251,11 @@ class RosGripper:
         if (message.rows, message.cols, message.unit) != (first.rows, first.cols, first.unit):
             return  # another pad uses the name, so this pad counts as silent
         scale = float(message.pitch) ** 2 if message.unit == 'Pa' else 1.0
+        forces = scale * taxel_values(message)
+        if self._facts[number].get('mirrored') == 'True':
+            forces = forces[:, ::-1]
         with self._lock:
-            self._frames[number].append(_Frame(arrival.steady, arrival.acquired, message.sequence,
-                                               scale * taxel_values(message)))
+            self._frames[number].append(_Frame(arrival.steady, arrival.acquired, message.sequence, forces))
 
     def _on_state(self, message: Any) -> None:
         names = list(message.name)
@@ -255,6 +269,14 @@ class RosGripper:
             if math.isfinite(value) and measured > self._measured:  # a repeated stamp is no new measurement
                 self._measured = measured
                 self._positions.append(_Position(now, measured, value))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for number, subscription in enumerate(self._taxels):
+            pad = subscription.topic.split('/')[-2]
+            names = [f'{driver}: {pad}' for driver in publisher_names(self._node, subscription.topic)]
+            for status in message.status:
+                if status.name in names:
+                    self._facts[number] = {pair.key: pair.value for pair in status.values}
 
     def _on_status(self, message: GoalStatusArray) -> None:
         self._live = frozenset(bytes(each.goal_info.goal_id.uuid) for each in message.status_list
