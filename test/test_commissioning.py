@@ -4,6 +4,7 @@ import itertools
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from bench_commissioning import compared, plan_for
 from commissioning_world import GRID, CommissioningDesk, random_truth
 from launch_stand_in import processes_of, put_stand_ins
 
+from tactile_node.cli.commissioning_pictures import pictures_of
 from tactile_node.commissioning.changes import Change, find_changes, largest_expected
 from tactile_node.commissioning.commissioned_gripper import Act, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
@@ -393,6 +395,21 @@ def test_the_report_contains_each_value_with_its_verdict(finished, tmp_path):
     for line in (*found.measurements, *found.facts):
         assert f'| {line.name} |' in page
     assert found.fits_closing().verdict is not Verdict.UNKNOWN
+
+
+@pytest.mark.slow
+def test_the_pictures_show_each_block_stop_close_and_pad(finished, tmp_path):
+    desk, plan, path = finished
+    found = Evaluation(CommissioningRecord(path), plan)
+    pictures = {picture.file: ElementTree.fromstring(picture.drawing) for picture in pictures_of(found, plan)}
+    assert list(pictures) == ['opening.svg', 'opening_residuals.svg', 'stops.svg', 'proof.svg', 'left_pad.svg',
+                              'right_pad.svg']
+
+    def dots(name):
+        return sum(each.get('d').count('h0') for each in pictures[name].iter() if each.get('class') == 'series')
+    stopped = sum(found.stop_count(way).stopped for way in StopWay)
+    assert [dots(name) for name in list(pictures)[:4]] == [3, 3, stopped, 3 * plan.closes]
+    assert pictures_of(Evaluation(CommissioningRecord(tmp_path / 'none.json'), plan), plan) == []
 
 
 def test_a_record_of_another_kind_is_refused(tmp_path):

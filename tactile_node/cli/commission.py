@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from tactile_node.cli.options import add_number, names, number, pad_names
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.interruption import interrupted_once
+from tactile_node.output_file import output_file
 
 if TYPE_CHECKING:
     from tactile_node.commissioning.commissioned_gripper import Question
@@ -76,6 +77,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     tools.add_argument('--skip', type=names, default=[], metavar='STEP,...', help='steps to leave out: '
                        'foam, block, step, weight, proof. Steps that need them are left out too, and the values of all '
                        'these steps are missing')
+    skin = parser.add_argument_group('skin', 'Both measurements need an unloaded pad.')
+    add_number(skin, '--disc', limits={'above': 0, 'unit': 'm'}, metavar='RADIUS', help='press a flat disc of this '
+               'radius [m] for `tactile calibrate`, before the gripper moves (default: left out)')
+    skin.add_argument('--shapes', type=names, default=[], metavar='NAME,...', help='touch the pad with these objects '
+                      'for `tactile assess`, for example circle,bar,unknown (default: left out)')
     topics = parser.add_argument_group('topics')
     topics.add_argument('--action', default='gripper_controller/gripper_cmd', metavar='NAME', help="gripper's own "
                         'action (default: %(default)s)')
@@ -105,8 +111,15 @@ def run(args: argparse.Namespace) -> int:
     person.say(f'{SAFETY}\nConnecting to the gripper and the pads ...')
     with interrupted_once(), _connected(args, stated['joint'], stated.get('pads', DEFAULT_PADS)) as (gripper, grid):
         plan = _plan(args, record, grid)
-        return _check(gripper, person, plan, record, folder) if args.check else \
-            _commission(gripper, person, plan, record, folder, args.skip)
+        if args.check:
+            return _check(gripper, person, plan, record, folder)
+        if args.disc or args.shapes or 'response' in record:
+            from tactile_node.cli.skin_measurement import measure_skin
+            if measure_skin(gripper, person, plan.pads[0], record, folder, args.disc, args.shapes):
+                _write_results(plan, record, folder, person)
+                raise ConfigurationError('driver', expected='the response of the skin', got='none', remedy='Start the '
+                                         f'driver with params_file:={folder}/parameters.yaml, and this command again.')
+        return _commission(gripper, person, plan, record, folder, args.skip)
 
 
 class Terminal:
@@ -192,6 +205,7 @@ def _procedure(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan
 
 def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', folder: Path, person: Terminal) -> None:
     import tactile_node
+    from tactile_node.cli.commissioning_pictures import pictures_of
     from tactile_node.commissioning.evaluation import Evaluation
     from tactile_node.commissioning.parameter_file import measured_parameters, write_parameters
     from tactile_node.commissioning.report import write_report
@@ -201,7 +215,14 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
         write_parameters(str(folder / 'parameters.yaml'), parameters)
     about = {'date': datetime.now().astimezone().isoformat(timespec='minutes'), 'version': tactile_node.__version__,
              'joint': f'{plan.joint}, {plan.low:g} to {plan.high:g} {plan.unit}'}
-    write_report(folder / 'report.md', folder / 'report.json', found, parameters, about)
+    serials = [each or 'unknown' for each in record.get('rest').get('serial_numbers', ['', ''])]
+    about['serial numbers'] = ', '.join(f'pad {pad}: {serial}' for pad, serial in zip(plan.pads, serials))
+    pictures = pictures_of(found, plan)
+    for picture in pictures:
+        with output_file(folder / picture.file) as stream:
+            stream.write(picture.drawing.encode())
+    write_report(folder / 'report.md', folder / 'report.json', found, parameters, about,
+                 {picture.file: picture.caption for picture in pictures})
     written = ['record.json', 'report.md', 'report.json', *['parameters.yaml'] * bool(parameters.nodes)]
     person.say(f'\nWritten to {folder}: {", ".join(written)}.'
                + (f' {len(parameters.absent)} parameters are missing; the report gives the reasons.'

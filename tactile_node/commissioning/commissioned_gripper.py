@@ -42,6 +42,7 @@ class Act(Enum):
     CLEAR = 'take everything out of the gripper'
     WEIGHT = 'hang the weight on the object'
     OBJECT = 'hold the object between the pads'
+    REUSE = 'say whether a recording is used again'
     REPEAT = 'correct a mistake before a part is repeated'
 
     @property

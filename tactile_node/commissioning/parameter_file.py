@@ -37,6 +37,11 @@ def measured_parameters(found: Evaluation, plan: CommissioningPlan) -> MeasuredP
     """Return the parameters that were measured."""
     nodes: dict[str, dict[str, Any]] = {'skin_driver': {}, 'grasp': {}, 'touch_gripper': {}, 'classifier': {}}
     absent: dict[str, str] = {}
+    for step, node, name in (('response', 'skin_driver', 'response_files'), ('assessment', 'classifier', 'model')):
+        if file := found.of_skin(step).get('file'):
+            nodes[node][name] = [file] if node == 'skin_driver' else file
+        else:
+            absent[name] = 'the skin was not measured' if not found.of_skin(step) else 'the model was not improved'
     _add_opening(nodes, absent, found, plan)
     _add_pads(nodes, absent, found, plan)
     _add_closing(nodes, absent, found, plan)

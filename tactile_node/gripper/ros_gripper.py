@@ -25,11 +25,12 @@ from tactile_node.gripper.duplicate_watch import LISTEN_TIME, DuplicateWatch
 from tactile_node.gripper.messages import PARALLEL, GoalValues, gripper_interface
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.message_guard import publisher_names
-from tactile_node.ros.contact_messages import taxel_values
+from tactile_node.ros.contact_messages import pad_frame_of, taxel_values
 from tactile_node.ros.message_age import MeasurementTime
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.time_messages import seconds
+from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
 
 #: Time before a call of `RosGripper.advance` from which messages are still returned [s]. Older messages arrived while
@@ -106,6 +107,7 @@ class RosGripper:
         self._live: frozenset[bytes] = frozenset()  # IDs of the live goals of all clients
         self._answers: list[Any] = []      # futures of the last commands
         self._refusal = ''
+        self.tap: list[TaxelFrame] | None = None  #: list to which the frames of the first pad are added, as published
         self._first: list[TaxelArray | None] = [None for _ in pads]
         self._client = ActionClient(node, self._interface.action, action)
         self._watch = DuplicateWatch(node, (f'{action}/touch_gripper',), steady=steady)
@@ -197,6 +199,12 @@ class RosGripper:
             handle = ClientGoalHandle(self._client, UUID(uuid=list(goal_id)), None)
             self._expect(handle.cancel_goal_async())
 
+    @property
+    def first_frame(self) -> TaxelArray:
+        """First frame of the first pad, as published."""
+        assert self._first[0] is not None, 'the pads are connected'
+        return self._first[0]
+
     def serial_numbers(self) -> tuple[str, str]:
         """Return the serial number of each pad, or '' if the driver does not publish it."""
         left, right = (facts.get('serial_number', '') for facts in self._facts)
@@ -247,6 +255,9 @@ class RosGripper:
         arrival = self._taxels[number].arrival
         if not math.isfinite(arrival.acquired):  # the age is not known yet
             return
+        if number == 0 and self.tap is not None:
+            self.tap.append(TaxelFrame(seconds(message.header.stamp), message.sequence, taxel_values(message),
+                                       pad_frame_of(message).status, message.missing_can_frames))
         first = self._first[number] = self._first[number] or message
         if (message.rows, message.cols, message.unit) != (first.rows, first.cols, first.unit):
             return  # another pad uses the name, so this pad counts as silent
