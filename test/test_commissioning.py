@@ -401,7 +401,7 @@ def test_the_report_contains_each_value_with_its_verdict(finished, tmp_path):
 def test_the_pictures_show_each_block_stop_close_and_pad(finished, tmp_path):
     desk, plan, path = finished
     found = Evaluation(CommissioningRecord(path), plan)
-    pictures = {picture.file: ElementTree.fromstring(picture.drawing) for picture in pictures_of(found, plan)}
+    pictures = {file: ElementTree.fromstring(drawing) for file, (_, drawing) in pictures_of(found, plan).items()}
     assert list(pictures) == ['opening.svg', 'opening_residuals.svg', 'stops.svg', 'proof.svg', 'left_pad.svg',
                               'right_pad.svg']
 
@@ -409,7 +409,7 @@ def test_the_pictures_show_each_block_stop_close_and_pad(finished, tmp_path):
         return sum(each.get('d').count('h0') for each in pictures[name].iter() if each.get('class') == 'series')
     stopped = sum(found.stop_count(way).stopped for way in StopWay)
     assert [dots(name) for name in list(pictures)[:4]] == [3, 3, stopped, 3 * plan.closes]
-    assert pictures_of(Evaluation(CommissioningRecord(tmp_path / 'none.json'), plan), plan) == []
+    assert pictures_of(Evaluation(CommissioningRecord(tmp_path / 'none.json'), plan), plan) == {}
 
 
 def test_a_record_of_another_kind_is_refused(tmp_path):

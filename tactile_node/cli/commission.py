@@ -218,11 +218,11 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
     serials = [each or 'unknown' for each in record.get('rest').get('serial_numbers', ['', ''])]
     about['serial numbers'] = ', '.join(f'pad {pad}: {serial}' for pad, serial in zip(plan.pads, serials))
     pictures = pictures_of(found, plan)
-    for picture in pictures:
-        with output_file(folder / picture.file) as stream:
-            stream.write(picture.drawing.encode())
+    for file, (_, drawing) in pictures.items():
+        with output_file(folder / file) as stream:
+            stream.write(drawing.encode())
     write_report(folder / 'report.md', folder / 'report.json', found, parameters, about,
-                 {picture.file: picture.caption for picture in pictures})
+                 {file: caption for file, (caption, _) in pictures.items()})
     written = ['record.json', 'report.md', 'report.json', *['parameters.yaml'] * bool(parameters.nodes)]
     person.say(f'\nWritten to {folder}: {", ".join(written)}.'
                + (f' {len(parameters.absent)} parameters are missing; the report gives the reasons.'
