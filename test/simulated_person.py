@@ -136,7 +136,8 @@ class SimulatedPerson:
 #: Parameters of the driver with which the processes leave time to a machine of two cores.
 SLOW = '''/**/skin_driver:
     ros__parameters:
-        sync_period: 0.04
+        sync_period: 0.07
+        heartbeat_timeout: 3.0
 '''
 PADS = ('bringup', '--pads', 'left,right', '--node-ids', '32,64', '--params-file')
 DELAYED = ('import sys; from examples.simulated_gripper import __main__, drive; drive.DELAY = {}; '

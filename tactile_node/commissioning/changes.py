@@ -1,9 +1,9 @@
 """Compare a check with the first commissioning, and name the changes of the pads and of the gripper."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
@@ -12,7 +12,7 @@ from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.guarded_gripper import MOST_DRIFT
 from tactile_node.commissioning.measurement import Estimate
-from tactile_node.commissioning.movement import StopTrial, StopWay
+from tactile_node.commissioning.movement import StopWay
 from tactile_node.commissioning.pad_mounting import PadMounting
 from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.taxel_survey import TaxelFinding
@@ -154,25 +154,24 @@ def _changes_of_pad(first: CommissioningRecord, check: CommissioningRecord, then
 
 def _changes_of_gripper(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan
                         ) -> list[Finding]:
-    before, found = Evaluation(first, plan), []
+    before, now, found = Evaluation(first, plan), Evaluation(check, plan), []
     rising = [record['first movement']['opens_rising'] for record in (first, check)]
     if rising[0] != rising[1]:
         words = ['opens as the reading rises' if each else 'opens as the reading falls' for each in rising]
         found.append(Finding(Change.DIRECTION, 'gripper', *words))
     period = max(record['stops']['period'] for record in (first, check))
-    trials, then = (_trials(record['stops']) for record in (check, first))
-    started, starts = ([trial.started for each in ways.values() for trial in each] for ways in (trials, then))
+    started, starts = ([trial.started for way in StopWay for trial in each.trials(way)] for each in (now, before))
     if max(started) > (limit := largest_expected(starts, [starts], period, len(started))):
         found.append(_later(Change.STARTS_LATER, 'gripper', limit, max(started)))
-    ways = [way for way in StopWay if before.stop_count(way).is_reliable]
-    stops = {way: [trial.stopped for trial in then[way]] for way in ways}
-    for way in ways:
-        where, count = f'stop by {way.value}', sum(trial.is_stopped for trial in trials[way])
-        if count < len(trials[way]):
-            found.append(Finding(Change.STOP_FAILS, where, 'no failed stop', f'{count} of {len(trials[way])} stopped'))
-            continue
-        latest = max(trial.stopped for trial in trials[way])
-        if latest > (limit := largest_expected(stops[way], list(stops.values()), period, len(trials[way]))):
+    stops = {way: [trial.stopped for trial in before.trials(way)] for way in StopWay
+             if before.stop_count(way).is_reliable}
+    for way, times in stops.items():
+        where, count = f'stop by {way.value}', now.stop_count(way)
+        latest = max(trial.stopped for trial in now.trials(way))
+        if not count.is_reliable:
+            found.append(Finding(Change.STOP_FAILS, where, 'no failed stop',
+                                 f'{count.stopped} of {count.trials} stopped'))
+        elif latest > (limit := largest_expected(times, list(stops.values()), period, count.trials)):
             found.append(_later(Change.STOPS_LATER, where, limit, latest))
     speeds = [Estimate(*record['stops']['speed']) for record in (first, check)]
     change = abs(speeds[1].value - speeds[0].value)
@@ -202,10 +201,6 @@ def largest_expected(before: Sequence[float], groups: Sequence[Sequence[float]],
     deviation = math.sqrt(float(residuals @ residuals) / freedom * (1 + 1 / len(before)))
     spread = float(stdtrit(freedom, 1 - FALSE_ALARM / count)) * deviation
     return float(np.mean(before)) + max(spread, PHASE * period)
-
-
-def _trials(stops: Mapping[str, Any]) -> dict[StopWay, list[StopTrial]]:
-    return {way: [StopTrial(*each) for each in stops['trials'][way.value]] for way in StopWay}
 
 
 def _later(change: Change, where: str, before: float, now: float) -> Finding:
