@@ -384,6 +384,19 @@ def test_an_empty_record_gives_no_parameter_and_no_value(tmp_path):
     assert all(each['value'] is None for each in data['measurements'])
 
 
+def test_the_files_of_the_skin_become_parameters(tmp_path):
+    _, plan = desk_of()
+    record = CommissioningRecord(tmp_path / 'record.json')
+    record.save('response', {'file': '/hand/skin.response.yaml', 'text': 'Radius of the disc'})
+    record.save('assessment', {'file': '', 'text': 'As the model is'})
+    found = Evaluation(record, plan)
+    parameters = measured_parameters(found, plan)
+    assert parameters.nodes == {'skin_driver': {'response_files': ['/hand/skin.response.yaml']}}
+    assert parameters.absent['model'] == 'the model was not improved'
+    assert report_data(found, parameters, {})['skin'] == {'response': 'Radius of the disc',
+                                                          'assessment': 'As the model is'}
+
+
 @pytest.mark.slow
 def test_the_report_contains_each_value_with_its_verdict(finished, tmp_path):
     _, plan, path = finished
