@@ -38,7 +38,7 @@ FIRST = ('--joint', 'finger', '--unit', 'm', '--limits', '0', '0.08', '--most-ef
 class Hand:
     """Publishes joint states and the taxels of two pads, and serves a gripper's action, on another thread."""
 
-    def __init__(self, ros, action):
+    def __init__(self, ros, action, name='hand'):
         import rclpy
         self.position, self.goals, self.cancels = 0.05, [], 0
         self.is_accepting, self.sends_states = True, True
@@ -46,7 +46,7 @@ class Hand:
         self._target, self._sequence = self.position, 0
         self._action = action
         self._goal = None
-        self.node = rclpy.create_node('hand', start_parameter_services=False)
+        self.node = rclpy.create_node(name, start_parameter_services=False)
         group = ReentrantCallbackGroup()
         self._server = ActionServer(
             self.node, action, '/hand/gripper_cmd', self._execute, callback_group=group,
@@ -188,6 +188,25 @@ def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, grippe
     hand.sends_states = False
     found.advance(0.3)
     assert not len(found.advance(0.2).joint.times)  # a position is not repeated
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+def test_a_driver_that_does_not_say_whether_it_mirrors_a_pad_is_named(ros, parallel):
+    import rclpy
+    Hand(ros, parallel, 'skin_driver')
+    node = rclpy.create_node('commission', start_parameter_services=False)
+    ros.callback(node.destroy_node)
+    found = RosGripper(node, action='/hand/gripper_cmd', joint='finger', joint_states='/joint_states',
+                       pads=('left', 'right'))
+    ros.callback(found.destroy)
+    ros.enter_context(spinning([node]))
+
+    def missing():
+        with pytest.raises(ConfigurationError) as refused:
+            found.connect(0.0)
+        return str(refused.value)
+    until(lambda: 'the state of the driver' in missing())
 
 
 @pytest.mark.ros

@@ -23,6 +23,7 @@ from tactile_node.commissioning.recording import JointStates, PadFrames, PadGrid
 from tactile_node.errors import ConfigurationError
 from tactile_node.gripper.duplicate_watch import LISTEN_TIME, DuplicateWatch
 from tactile_node.gripper.messages import PARALLEL, GoalValues, gripper_interface
+from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.message_guard import publisher_names
 from tactile_node.ros.contact_messages import pad_frame_of, taxel_values
@@ -249,6 +250,11 @@ class RosGripper:
                                           got=f'{subscription.counts.received} messages, of which none can be used',
                                           remedy='Start the driver, for example with `tactile bringup`, or correct '
                                           '--pads.')
+        for subscription, facts in zip(self._taxels, self._facts):  # the columns may be mirrored
+            driver = f'/{NODE_NAMES[Role.DRIVER]}'
+            if not facts and any(name.endswith(driver) for name in publisher_names(self._node, subscription.topic)):
+                return ConfigurationError('/diagnostics', expected=f'the state of the driver of {subscription.topic}',
+                                          got='none', remedy='Check the network, and start this command again.')
         return None
 
     def _on_taxels(self, number: int, message: TaxelArray) -> None:
