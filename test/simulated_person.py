@@ -133,17 +133,39 @@ class SimulatedPerson:
                 time.sleep(0.18)
 
 
-def commission(folder, *options):
-    """Run the driver, the simulated gripper and the command. Return the exit code, and the text of the command."""
-    skin = str(Path(folder) / 'skin')
-    gripper = Process('-m', 'examples.simulated_gripper', '--item', 'square', '--link', skin)
+#: Parameters of the driver with which the processes leave time to a machine of two cores.
+SLOW = '''/**/skin_driver:
+    ros__parameters:
+        sync_period: 0.07
+        heartbeat_timeout: 3.0
+'''
+PADS = ('bringup', '--pads', 'left,right', '--node-ids', '32,64', '--params-file')
+DELAYED = ('import sys; from examples.simulated_gripper import __main__, drive; drive.DELAY = {}; '
+           '__main__.main(sys.argv[1:])')
+
+
+def commission(folder, *options, driver=(), delay=0.04):
+    """Run the driver, the simulated gripper and the command. Return the exit code, and the text of the command.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the results.
+    driver : sequence of str
+        Arguments of `tactile` that start the driver, without those of the bus.
+    delay : float
+        Time from a command to the motor of the simulated gripper [s].
+    """
+    skin, slow = str(Path(folder) / 'skin'), Path(folder) / 'slow.yaml'
+    slow.write_text(SLOW)
+    gripper = Process('-c', DELAYED.format(delay), '--item', 'square', '--link', skin)
     processes = [gripper]
     try:
         while 'action /hand/gripper_cmd' not in gripper.text:
             assert gripper.process.poll() is None, gripper.text
             time.sleep(0.1)
-        processes.append(Process('-m', 'tactile_node.cli.main', 'bringup', '--interface', 'slcan', '--channel', skin,
-                                 '--pads', 'left,right', '--node-ids', '32,64'))
+        processes.append(Process('-m', 'tactile_node.cli.main', *(driver or (*PADS, str(slow))), '--interface', 'slcan',
+                                 '--channel', skin))
         command = Process('-m', 'tactile_node.cli.main', 'commission', '--output', str(folder), *GRIPPER, *options)
         processes.append(command)
         code = SimulatedPerson(gripper, command).run()

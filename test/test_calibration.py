@@ -6,6 +6,7 @@ other objects are pressed more often.
 
 import json
 import os
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from hidden_skin import DEPTH, PITCH, SIDE, counts, pressed, solved, write_log
 
 import tactile_node as tn
 from tactile_node.cli.main import main
+from tactile_node.cli.skin_measurement import measure_skin
+from tactile_node.commissioning.commissioned_gripper import Act
+from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.conditioning.gain import make_curve
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.presses import PRESS_FRAMES, PressFinder, find_presses, subtract_zero
@@ -23,6 +27,7 @@ from tactile_node.learning.touches import Touch, TouchFrame, Unused
 from tactile_node.pose.fit import fit_shape
 from tactile_node.pose.profiles import Layer
 from tactile_node.shape.recognition import Shape
+from tactile_node.taxel_frame import TaxelFrame
 from training.ground_truth.indenters import ball
 from training.ground_truth.layer import sample, stress_field
 from training.ground_truth.mechanics import solve
@@ -263,3 +268,32 @@ def test_a_known_layer_makes_the_fit_more_certain_and_a_wrong_layer_is_refused()
     assert np.trace(known.covariance) < np.trace(free.covariance)
     with pytest.raises(ConfigurationError):
         fit_shape(values, mask, Shape.CIRCLE, 0.002, Layer(0.0, 0.1))
+
+
+class PressedGripper:
+    """Stands for the gripper, the person and the record of a commissioning, while the person presses the pad."""
+
+    def __init__(self, archive):
+        self.frames = [TaxelFrame(*each, 0) for each in zip(
+            *(archive[name] for name in ('stamps', 'sequence', 'values', 'status')))]
+        self.first_frame = SimpleNamespace(rows=SIDE, cols=SIDE, pitch=PITCH, unit='Pa', layer_depth=0.0)
+        self.acts, self.tap = [], None
+
+    def ask(self, question):
+        self.acts.append(question.act)
+        if question.act is Act.CLEAR:
+            self.tap.extend(self.frames)
+        return question.choices[0]
+
+
+@pytest.mark.slow
+def test_a_commissioning_files_the_response_and_offers_its_recording_to_assess(response_file, tmp_path):
+    assert main(['replay', str(response_file.parent / 'presses.log'), '--output', str(tmp_path / 'all.npz')]) == 0
+    hand, record = PressedGripper(np.load(tmp_path / 'all.npz')), CommissioningRecord(tmp_path / 'record.json')
+    assert measure_skin(hand, hand, 'left', record, tmp_path, RADIUS, ())  # the driver does not use the response yet
+    assert hand.acts == [Act.STROKE, Act.CLEAR]
+    assert load_response(record['response']['file']).layer == load_response(response_file).layer  # as from the log
+    hand.first_frame.layer_depth = 0.002
+    assert not measure_skin(hand, hand, 'left', record, tmp_path, RADIUS, ('circle',))
+    assert hand.acts == [Act.STROKE, Act.CLEAR, Act.REUSE]
+    assert 'No adaptation was tried' in record['assessment']['text'] and record['assessment']['file'] == ''

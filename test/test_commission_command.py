@@ -11,11 +11,13 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from launch_stand_in import processes_of, put_stand_ins
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from sensor_msgs.msg import JointState
-from simulated_person import Process, commission
+from simulated_person import ROOT, SLOW, Process, commission
 
 from tactile_node.cli.commission import Terminal
 from tactile_node.cli.main import main
@@ -28,6 +30,7 @@ from tactile_node.gripper.ros_gripper import RosGripper
 from tactile_node.nodes.spinner import spinning
 from tactile_skin.msg import TaxelArray
 
+LAUNCH_FILE = ROOT / 'launch' / 'bringup.launch.py'
 LIMIT = 60.0  #: Time limit on a busy machine [s].
 FIRST = ('--joint', 'finger', '--unit', 'm', '--limits', '0', '0.08', '--most-effort', '40')
 
@@ -35,14 +38,15 @@ FIRST = ('--joint', 'finger', '--unit', 'm', '--limits', '0', '0.08', '--most-ef
 class Hand:
     """Publishes joint states and the taxels of two pads, and serves a gripper's action, on another thread."""
 
-    def __init__(self, ros, action):
+    def __init__(self, ros, action, name='hand'):
         import rclpy
         self.position, self.goals, self.cancels = 0.05, [], 0
         self.is_accepting, self.sends_states = True, True
+        self.values = [250.0] * 16
         self._target, self._sequence = self.position, 0
         self._action = action
         self._goal = None
-        self.node = rclpy.create_node('hand', start_parameter_services=False)
+        self.node = rclpy.create_node(name, start_parameter_services=False)
         group = ReentrantCallbackGroup()
         self._server = ActionServer(
             self.node, action, '/hand/gripper_cmd', self._execute, callback_group=group,
@@ -90,7 +94,7 @@ class Hand:
         self._sequence += 1
         for publisher in self._taxels:
             frame = TaxelArray(sequence=self._sequence, rows=4, cols=4, pitch=0.002, unit='Pa',
-                               values=array('f', [250.0] * 16), status=array('B', [TaxelArray.VALID] * 16))
+                               values=array('f', self.values), status=array('B', [TaxelArray.VALID] * 16))
             frame.header.stamp = stamp
             publisher.publish(frame)
 
@@ -135,6 +139,18 @@ def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, grippe
     assert np.all(np.diff(recording.joint.times) > 0)
     assert recording.joint.positions[-1] == pytest.approx(0.05)
 
+    diagnostics = hand.node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+    hand.values = [250.0, 0.0, 0.0, 0.0] * 4
+    until(lambda: diagnostics.get_subscription_count())
+    diagnostics.publish(DiagnosticArray(status=[
+        DiagnosticStatus(name='/hand: left', values=[KeyValue(key='mirrored', value='True'),
+                                                     KeyValue(key='serial_number', value='17')]),
+        DiagnosticStatus(name='/other: right', values=[KeyValue(key='mirrored', value='True')])]))
+    until(lambda: found.serial_numbers() == ('17', ''))
+    found.advance(0.3)
+    left, right = found.advance(0.3).pads
+    assert np.all(left.forces[:, :, 3] > 0) and np.all(right.forces[:, :, 0] > 0)  # as the device counts its columns
+
     found.command(0.03, 5.0, 0.01)
     until(lambda: hand.goals)
     assert hand.goals == [(0.03, 0.01, 5.0)]
@@ -172,6 +188,25 @@ def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, grippe
     hand.sends_states = False
     found.advance(0.3)
     assert not len(found.advance(0.2).joint.times)  # a position is not repeated
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+def test_a_driver_that_does_not_say_whether_it_mirrors_a_pad_is_named(ros, parallel):
+    import rclpy
+    Hand(ros, parallel, 'skin_driver')
+    node = rclpy.create_node('commission', start_parameter_services=False)
+    ros.callback(node.destroy_node)
+    found = RosGripper(node, action='/hand/gripper_cmd', joint='finger', joint_states='/joint_states',
+                       pads=('left', 'right'))
+    ros.callback(found.destroy)
+    ros.enter_context(spinning([node]))
+
+    def missing():
+        with pytest.raises(ConfigurationError) as refused:
+            found.connect(0.0)
+        return str(refused.value)
+    until(lambda: 'the state of the driver' in missing())
 
 
 @pytest.mark.ros
@@ -264,23 +299,57 @@ def test_the_command_refuses_while_another_client_has_a_live_goal(ros, parallel,
 @pytest.mark.long
 @pytest.mark.skipif(find_spec('mujoco') is None, reason='pip install -r requirements/bench_physics.txt')
 @pytest.mark.usefixtures('ros', 'control_msgs')
-def test_a_person_commissions_the_simulated_gripper(tmp_path):
-    """The truth comes from the model: each pad presses with the effort, and a command takes effect after DELAY."""
+@pytest.mark.parametrize(('truth', 'delay'), [('as built', 0.04), ('swapped', 0.1), ('mirrored', 0.02)])
+def test_a_person_commissions_a_simulated_gripper(tmp_path, monkeypatch, truth, delay):
+    """The truth comes from the model: each pad presses with the effort, and a command takes effect after DELAY.
+
+    The launch file starts the driver. In the last case, it gets the parameters found, and a check finds no change.
+    """
+    put_stand_ins(monkeypatch)
+    pads = 'right,left' if truth == 'swapped' else 'left,right'
+    layouts = {'layouts': f'{mirrored_layout(tmp_path)},sim16x16.yaml', 'eds': 'sim16x16.eds'} if truth == 'mirrored' \
+        else {}
+
+    def driver(parameters):
+        (tmp_path / 'driver.yaml').write_text(SLOW + parameters)
+        return processes_of(LAUNCH_FILE, pads=pads, node_ids='32,64', params_file=str(tmp_path / 'driver.yaml'),
+                            **layouts)[0]['arguments']
     code, text = commission(tmp_path, '--rest-time', '15', '--hold-time', '5', '--stop-trials', '3', '--skip',
-                            'block,step,weight')
+                            'block,step,weight', driver=driver(''), delay=delay)
     assert code == 0, text
     steps = json.loads((tmp_path / 'record.json').read_text())['steps']
+    report = json.loads((tmp_path / 'report.json').read_text())
     assert steps.keys() == {'plan', 'rest', 'pads', 'first movement', 'stops', 'foam'}
-    assert steps['pads']['order'] == [0, 1]
-    assert steps['pads']['mountings'] == [[0, False], [2, False]]
+    assert steps['pads']['order'] == [truth == 'swapped', truth != 'swapped']
+    assert steps['pads']['mountings'] == [[0, truth == 'mirrored'], [2, False]]
+    assert steps['rest']['serial_numbers'] == ['1', '1']
     assert steps['first movement']['opens_rising'] is True
     trials = [StopTrial(*each) for way in steps['stops']['trials'].values() for each in way]
     assert len(trials) == 9 and all(trial.is_stopped for trial in trials)
+    found = {each['name']: each['value'] for each in report['measurements']}
+    assert found['time from a command to the movement'] >= delay
     found = map_effort(steps['foam']['efforts'], steps['foam']['forces'])
     assert found.slope.value == pytest.approx(1.0, abs=0.1)
-    report = json.loads((tmp_path / 'report.json').read_text())
     assert {'gap_offset, gap_scale', 'shift_per_load', 'gripper_step'} <= report['absent'].keys()
-    assert set(yaml.safe_load((tmp_path / 'parameters.yaml').read_text())) == {'/**/touch_gripper'}
+    parameters = yaml.safe_load((tmp_path / 'parameters.yaml').read_text())
+    assert set(parameters) == {'/**/touch_gripper', *['/**/skin_driver'] * (truth == 'mirrored')}
+    if truth == 'mirrored':
+        assert parameters['/**/skin_driver'] == {'ros__parameters': {'mirrored_pads': ['left']}}
+        measured = driver('        mirrored_pads: [left]\n')
+        code, text = commission(tmp_path, '--check', driver=measured, delay=delay)
+        assert code == 0, text
+
+
+def mirrored_layout(folder):
+    """Write the layout of the simulated skin with the columns in the other direction, and return its file."""
+    text = (ROOT / 'config' / 'sim16x16.yaml').read_text()
+    for here, there in (('first: [0, 0], step: [0, 1]', 'first: [0, 15], step: [0, -1]'),
+                        ('step: [0, 8]', 'step: [0, -8]')):
+        assert here in text
+        text = text.replace(here, there)
+    path = folder / 'mirrored.yaml'
+    path.write_text(text)
+    return path
 
 
 def ready_record(folder):

@@ -4,6 +4,7 @@ import itertools
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from bench_commissioning import compared, plan_for
 from commissioning_world import GRID, CommissioningDesk, random_truth
 from launch_stand_in import processes_of, put_stand_ins
 
-from tactile_node.commissioning.changes import Change, find_changes
+from tactile_node.cli.commissioning_pictures import pictures_of
+from tactile_node.commissioning.changes import Change, find_changes, largest_expected
 from tactile_node.commissioning.commissioned_gripper import Act, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
 from tactile_node.commissioning.evaluation import Evaluation
@@ -23,7 +25,15 @@ from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.movement import StopWay, upper_bound
 from tactile_node.commissioning.opening_law import KnuckleGap, chord_error, find_law
 from tactile_node.commissioning.pad_alignment import PadAlignment
-from tactile_node.commissioning.pad_mounting import MOUNTINGS, PLACES, REACH, Press, find_mounting
+from tactile_node.commissioning.pad_mounting import (
+    MOUNTINGS,
+    PLACES,
+    REACH,
+    PadMounting,
+    Press,
+    find_mounting,
+    taxel_places,
+)
 from tactile_node.commissioning.pad_rest import measure_rest
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
 from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
@@ -34,8 +44,12 @@ from tactile_node.errors import InputError
 from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
 from tactile_node.grasp.opening import LinearGap
 from tactile_node.gripper.gripper_settings import GripperSettings
+from tactile_node.nodes.driver_source import driver_pads
 from tactile_node.parameter import table
+from tactile_node.pose.moments import contact_moments
 from tactile_node.ros import settings
+from tactile_node.skin.layout_file import load_layout
+from tactile_node.skin.taxel_codec import TaxelCodec
 
 LAUNCH_FILE = Path(__file__).resolve().parents[1] / 'launch' / 'bringup.launch.py'
 SHORT = {'rest_time': 20.0, 'hold_time': 8.0, 'stop_trials': 6, 'closes': 2}
@@ -125,6 +139,29 @@ def test_the_bound_of_a_latency_lies_above_the_truth_but_not_by_a_period(period,
                        for _ in range(1000)])
     assert np.mean(bounds >= truth) >= 0.95
     assert (bounds < truth + period).all()
+
+
+@pytest.mark.parametrize('period', [0.008, 0.02])
+@pytest.mark.parametrize('jitter', [0.0, 0.3, 0.6])
+@pytest.mark.parametrize('trials', [3, 20])
+def test_three_new_trials_show_a_slower_controller_and_no_other(period, jitter, trials):
+    rng = np.random.default_rng(12)
+
+    def times(count, latency):
+        return latency - period * (rng.random(count) + jitter * rng.random(count))
+    false, seen = [], []
+    for _ in range(400):
+        stops = [times(trials, latency) for latency in (0.1, 0.05, 0.2)]  # three ways to stop
+        limit = largest_expected(stops[0], stops, period, 3)
+        false.append(times(3, 0.1).max() > limit)
+        seen.append(times(3, 0.14).max() > limit)
+    assert np.mean(false) <= 0.01
+    assert np.mean(seen) >= 0.9
+
+
+def test_a_time_that_changes_by_one_period_of_the_samples_is_no_change():
+    stops = [[0.098, 0.099, 0.100] * 7, [0.098, 0.099] * 10]
+    assert 0.118 < largest_expected(stops[0], stops, 0.02, 3) < 0.138
 
 
 def test_three_blocks_show_the_arc_of_a_knuckle_and_two_do_not():
@@ -296,7 +333,7 @@ def test_the_parameter_file_sets_only_parameters_that_exist_and_are_in_range(fin
     write_parameters(tmp_path / 'parameters.yaml', parameters)
     read = yaml.safe_load((tmp_path / 'parameters.yaml').read_text())
     classes = {'grasp': settings.GraspNodeSettings, 'touch_gripper': GripperSettings,
-               'classifier': settings.ClassifierSettings}
+               'classifier': settings.ClassifierSettings, 'skin_driver': settings.DriverSettings}
     assert read
     for node, content in read.items():
         settings_class = classes[node.removeprefix('/**/')]
@@ -347,6 +384,19 @@ def test_an_empty_record_gives_no_parameter_and_no_value(tmp_path):
     assert all(each['value'] is None for each in data['measurements'])
 
 
+def test_the_files_of_the_skin_become_parameters(tmp_path):
+    _, plan = desk_of()
+    record = CommissioningRecord(tmp_path / 'record.json')
+    record.save('response', {'file': '/hand/skin.response.yaml', 'text': 'Radius of the disc'})
+    record.save('assessment', {'file': '', 'text': 'As the model is'})
+    found = Evaluation(record, plan)
+    parameters = measured_parameters(found, plan)
+    assert parameters.nodes == {'skin_driver': {'response_files': ['/hand/skin.response.yaml']}}
+    assert parameters.absent['model'] == 'the model was not improved'
+    assert report_data(found, parameters, {})['skin'] == {'response': 'Radius of the disc',
+                                                          'assessment': 'As the model is'}
+
+
 @pytest.mark.slow
 def test_the_report_contains_each_value_with_its_verdict(finished, tmp_path):
     _, plan, path = finished
@@ -358,6 +408,21 @@ def test_the_report_contains_each_value_with_its_verdict(finished, tmp_path):
     for line in (*found.measurements, *found.facts):
         assert f'| {line.name} |' in page
     assert found.fits_closing().verdict is not Verdict.UNKNOWN
+
+
+@pytest.mark.slow
+def test_the_pictures_show_each_block_stop_close_and_pad(finished, tmp_path):
+    desk, plan, path = finished
+    found = Evaluation(CommissioningRecord(path), plan)
+    pictures = {file: ElementTree.fromstring(drawing) for file, (_, drawing) in pictures_of(found, plan).items()}
+    assert list(pictures) == ['opening.svg', 'opening_residuals.svg', 'stops.svg', 'proof.svg', 'left_pad.svg',
+                              'right_pad.svg']
+
+    def dots(name):
+        return sum(each.get('d').count('h0') for each in pictures[name].iter() if each.get('class') == 'series')
+    stopped = sum(found.stop_count(way).stopped for way in StopWay)
+    assert [dots(name) for name in list(pictures)[:4]] == [3, 3, stopped, 3 * plan.closes]
+    assert pictures_of(Evaluation(CommissioningRecord(tmp_path / 'none.json'), plan), plan) == {}
 
 
 def test_a_record_of_another_kind_is_refused(tmp_path):
@@ -380,6 +445,35 @@ def test_the_poses_of_the_pads_bring_the_prints_of_a_block_to_one_line():
     corner = -np.array((GRID.cols - 1, GRID.rows - 1)) * GRID.pitch / 2
     left, right = (np.linalg.inv(mounting.matrix) @ place - corner for mounting, place in zip(mountings, seen))
     assert contact_line(gripper, tuple(left), tuple(right), 0.02).offset == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize('mirrored', [('left',), ('right',), ('left', 'right')])
+def test_a_mirrored_pad_gives_the_right_grasp_with_the_parameters_found(tmp_path, mirrored):
+    """A block lies off the centre between two mirrored and turned pads, whose devices send what they feel."""
+    mountings = [PadMounting(1, 'left' in mirrored), PadMounting(2, 'right' in mirrored)]
+    record = CommissioningRecord(tmp_path / 'record.json')
+    record.save('pads', {'order': [0, 1], 'mountings': mountings, 'taxels': np.ones((2, 16, 16), int)})
+    found, plan = Evaluation(record, desk_of()[1]), desk_of()[1]
+    assert found.mountings == mountings
+    found.alignment = PadAlignment(*[Estimate(0.0, 0.0)] * 5)
+    parameters = measured_parameters(found, plan).nodes
+    assert parameters['skin_driver'] == {'mirrored_pads': list(mirrored)}
+    gripper = Gripper(*(PadPose(parameters['grasp'][f'{pad}_xyz'], parameters['grasp'][f'{pad}_rpy'])
+                        for pad in ('left', 'right')))
+    point = np.array((0.006, 0.003))  # place of the block on the left pad, seen with the fingertip up
+    device = TaxelCodec(load_layout('sim16x16.yaml'))
+    payloads = [device.encode(1e4 * (np.hypot(*np.moveaxis(taxel_places(GRID, mounting) - place, -1, 0)) < 0.0045))
+                for mounting, place in zip(mountings, (point, point * (-1, 1)))]
+
+    def offset(names):
+        """Return the distance between the two contacts across the closing direction [m]."""
+        pads = driver_pads(settings.DriverSettings(pads=('left', 'right'), node_ids=(32, 64), mirrored_pads=names))
+        values = [TaxelCodec(pad.layout).decode(payload, np.ones(32, bool))[0]
+                  for pad, payload in zip(pads, payloads)]
+        moments = [contact_moments(each, each > 0, GRID.pitch, 'Pa') for each in values]
+        return contact_line(gripper, *(each.centre_of_pressure for each in moments), 0.02).offset
+    assert offset(mirrored) == pytest.approx(0, abs=3e-4)
+    assert offset(('',)) > 0.005
 
 
 def test_a_way_to_stop_that_fails_once_is_never_chosen(tmp_path):
@@ -538,6 +632,19 @@ def test_a_tared_pad_is_not_taken_for_another_pad(finished, tmp_path):
     (tmp_path / 'check.json').write_text(json.dumps(content))
     found = find_changes(CommissioningRecord(finished[2]), CommissioningRecord(tmp_path / 'check.json'), finished[1])
     assert Change.PAD_EXCHANGED not in {each.change for each in found}
+
+
+def test_an_exchanged_pad_that_was_tared_is_found_by_its_serial_number(finished, tmp_path):
+    content = json.loads(finished[2].read_text())
+    for number, pad in enumerate(content['steps']['rest']['pads']):
+        pad['zero'] = (1e-5 * np.random.default_rng(number).standard_normal((GRID.rows, GRID.cols))).tolist()
+    first = CommissioningRecord(finished[2])
+    assert content['steps']['rest']['serial_numbers'] == ['1001', '1002']
+    content['steps']['rest']['serial_numbers'] = ['1001', '1003']
+    (tmp_path / 'check.json').write_text(json.dumps(content))
+    found = find_changes(first, CommissioningRecord(tmp_path / 'check.json'), finished[1])
+    assert [str(each) for each in found if each.change is Change.PAD_EXCHANGED] == [
+        f'pad 2 of the driver: {Change.PAD_EXCHANGED.value}: serial number 1003, was serial number 1002']
 
 
 def test_a_plan_survives_its_record(tmp_path):

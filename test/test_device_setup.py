@@ -12,7 +12,7 @@ from tactile_node.assembly.facts import PadFacts
 from tactile_node.assembly.health import NodeFault, TpdoOrder
 from tactile_node.bus.bus_devices import read_errors
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.device_setup import DeviceSetup
+from tactile_node.bus.device_setup import DeviceAsSet, DeviceSetup
 from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.errors import DeviceError, InterruptedSetupError, UnverifiedDeviceError
@@ -87,6 +87,11 @@ def of_another_layout(**options) -> Device:
 def records(device: Device) -> dict:
     """Return all objects that determine what the device sends and when."""
     return {place: value for place, value in device.objects.items() if place == SYNC or place[0] >= 0x1800}
+
+
+def test_the_serial_number_is_read_if_the_device_has_one():
+    assert set_up(Device().having((0x1018, 4), 4711)).serial_number == 4711
+    assert set_up(Device()).serial_number is None
 
 
 def test_a_device_of_another_layout_is_set_up():
@@ -189,7 +194,8 @@ def monitored(heartbeat_time: float | None) -> tuple[NodeMonitor, BusMonitor, Pa
     """
     bus = BusMonitor([32])
     node = NodeMonitor(NODE, bus, 0.5, 0.5)
-    node.configured(node.setup, 0.0, heartbeat_time)
+    node.configured(node.setup, 0.0, DeviceAsSet(heartbeat_ms=None if heartbeat_time is None
+                                                 else round(1000 * heartbeat_time)))
     pad = PadFacts(used_by_node=(0,), distinct_by_tpdo=((0,) * 32,),
                    fresh_by_tpdo=((0,) * 32,))
     return node, bus, pad

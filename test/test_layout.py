@@ -4,6 +4,7 @@ import copy
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -171,6 +172,18 @@ DIFFERENT = [path for path in LAYOUTS if path.stem.split('_')[0] in ('sim16x16',
 VALIDATOR = jsonschema.Draft202012Validator(layout_schema())
 #: Wrong values that replace each value of a layout in turn. Few keys accept even one of these values.
 WRONG = (None, 'many', True, -1, 1 << 40, [1], {})
+
+
+@pytest.mark.parametrize('path', DIFFERENT, ids=lambda path: path.stem)
+def test_a_mirrored_layout_reverses_the_columns_of_every_kind_of_skin(path):
+    layout = replace(load_layout(path), dead=((0, 1),), finger_ends=SkinSide.FIRST_COL | SkinSide.FIRST_ROW)
+    codec, mirrored = TaxelCodec(layout), TaxelCodec(layout.mirrored())
+    payload = np.random.default_rng(4).integers(0, 256, codec.payload_bytes, np.uint8).tobytes()
+    fresh = np.arange(len(layout.carriers)) % 3 > 0 if len(layout.carriers) > 1 else np.array([True])
+    for ours, theirs in zip(mirrored.decode(payload, fresh), codec.decode(payload, fresh)):
+        np.testing.assert_array_equal(ours, theirs[:, ::-1])
+    assert layout.mirrored().finger_ends == SkinSide.LAST_COL | SkinSide.FIRST_ROW
+    assert layout.mirrored().mirrored() == layout
 
 
 def test_the_schema_file_is_current():

@@ -9,6 +9,7 @@ import pytest
 from tactile_node.assembly.facts import BusFacts, PadFacts
 from tactile_node.assembly.health import BusFault, Failure, NodeFault
 from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.bus.device_setup import DeviceAsSet
 from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.errors import (
     DeviceAbsentError,
@@ -57,11 +58,11 @@ class Device:
     def facts(self) -> BusFacts:
         return BusFacts((self.pad,))
 
-    def configure_node(self, _node: object, _timeout: float, pause: bool = True) -> float:
+    def configure_node(self, _node: object, _timeout: float, pause: bool = True) -> DeviceAsSet:
         self.requests.append('configure' if pause else 'check')
         if self.error is not None:
             raise self.error
-        return 0.1
+        return DeviceAsSet(heartbeat_ms=100)
 
     def start_node(self, _node: object, was_silent: bool = True) -> None:
         self.requests.append('start' if was_silent else 'start a sender')

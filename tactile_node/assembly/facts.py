@@ -69,6 +69,7 @@ class NodeFacts:
     missing_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that deliver no taxels while other TPDOs of the node do
     surplus_tpdos: tuple[SentTpdo, ...] = ()  #: TPDOs that are received more often than SYNC
     tpdo_order: TpdoOrder | None = None  #: sending order of the TPDOs if it differs from the layout, else None
+    serial_number: int | None = None  #: object 0x1018, sub-index 4; None if unknown
     device_errors: DeviceErrors | None = None  #: errors that the device reported when it failed to become OPERATIONAL
 
     @property

@@ -35,6 +35,12 @@ class DeviceAsSet(NamedTuple):
 
     by_block: bool = False  #: True if the device sends its DOMAIN by block upload
     heartbeat_ms: int | None = None  #: heartbeat time [ms]; 0 if the device sends no heartbeat; None if unknown
+    serial_number: int | None = None  #: object 0x1018, sub-index 4; None if the device does not have it
+
+    @property
+    def heartbeat_time(self) -> float | None:
+        """Heartbeat time [s]; 0 if the device sends no heartbeat; None if unknown."""
+        return None if self.heartbeat_ms is None else 1e-3 * self.heartbeat_ms
 
 
 class DeviceSetup:
@@ -102,18 +108,19 @@ class DeviceSetup:
     def _run(self, boot_timeout: float, heartbeat_ms: int) -> DeviceAsSet:
         self._wait_for_device(boot_timeout)
         self._check_identity()
+        serial = self._read_if_any(objects.IDENTITY, 4)
         if self._node.layout.needs_sync:
             self._set_sync(self._node.layout.sync_cob_id)
         heartbeat = self._set_heartbeat(heartbeat_ms)
         if self._node.layout.domain is not None:
-            return DeviceAsSet(check_domain(self._sdo, self._node.layout.domain, self._label), heartbeat)
+            return DeviceAsSet(check_domain(self._sdo, self._node.layout.domain, self._label), heartbeat, serial)
         # a multiplexed TPDO appears several times in the layout
         tpdos = {tpdo.number: tpdo for tpdo in self._node.layout.tpdos}
         self._disable_rivals()
         self._report_fixed_times(tpdos)
         written = sum(self._configure(tpdo) for tpdo in tpdos.values())
         logger.info('%s: %d TPDOs ready, %d of them newly written.', self._label, len(tpdos), written)
-        return DeviceAsSet(heartbeat_ms=heartbeat)
+        return DeviceAsSet(heartbeat_ms=heartbeat, serial_number=serial)
 
     def _wait_for_device(self, timeout: float) -> None:
         begun, throttle = time.monotonic(), LogThrottle()

@@ -18,6 +18,7 @@ from tactile_node.bus.bus_devices import BusDevices
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork, check_bit_rate, open_bus
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.device_setup import DeviceAsSet
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.load import refuse_full_bus
 from tactile_node.bus.threads import Pacer
@@ -134,7 +135,7 @@ class SkinBus:
         for node in self._nodes:
             self.configure_node(node, self._settings.boot_timeout)
 
-    def configure_node(self, node: CanopenNode, boot_timeout: float, pause: bool = True) -> float | None:
+    def configure_node(self, node: CanopenNode, boot_timeout: float, pause: bool = True) -> DeviceAsSet:
         """Configure the device of one node.
 
         Parameters
@@ -148,8 +149,8 @@ class SkinBus:
 
         Returns
         -------
-        float or None
-            Present heartbeat time of the device [s]; 0 if the device sends no heartbeat; None if unknown.
+        DeviceAsSet
+            Settings of the device after the configuration.
 
         Raises
         ------
@@ -163,7 +164,7 @@ class SkinBus:
         as_set = self.devices.configure(node, boot_timeout, pause)
         if node.node_id in self._polls:
             self._polls[node.node_id].by_block = as_set.by_block
-        return None if as_set.heartbeat_ms is None else 1e-3 * as_set.heartbeat_ms
+        return as_set
 
     def start(self, without: Collection[int] = ()) -> None:
         """Start the devices and the SYNC producer.

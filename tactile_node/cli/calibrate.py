@@ -39,7 +39,8 @@ class Readings(NamedTuple):
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('recording', help='CAN log as for `tactile record`, or a zeroed .npy array (K, rows, cols)')
+    parser.add_argument('recording', help='CAN log as for `tactile record`, an .npz of `tactile replay`, or a zeroed '
+                        '.npy array (K, rows, cols)')
     parser.add_argument('--radius', type=float, required=True, metavar='METRES',
                         help='radius of the face that touches the pad [m]')
     parser.add_argument('--edge-radius', type=float, default=0.0, metavar='METRES',
@@ -82,7 +83,7 @@ def _output(args: argparse.Namespace) -> str:
 
 
 def _is_array(args: argparse.Namespace) -> bool:
-    return Path(args.recording).suffix == '.npy'
+    return Path(args.recording).suffix in ('.npy', '.npz')
 
 
 def _readings(args: argparse.Namespace) -> Readings:
@@ -94,11 +95,15 @@ def _readings(args: argparse.Namespace) -> Readings:
 
 
 def _of_array(args: argparse.Namespace) -> Readings:
-    check_pitch(args.pitch)
-    frames = read_frames(args.recording).values
-    if frames.dtype == bool:
+    if not args.recording.endswith('.npz'):  # only such an archive contains the pitch
+        check_pitch(args.pitch)
+    found = read_frames(args.recording)
+    pitch: float = found.pitch if args.pitch is None else args.pitch  # type: ignore[assignment]  # checked below
+    check_pitch(pitch)
+    if found.values.dtype == bool or found.unit == ON_OFF_UNIT:
         raise _on_off(args.recording)
-    return Readings(frames, np.zeros(frames.shape, bool), args.pitch, '')
+    saturated = np.zeros(found.values.shape, bool) if found.status is None else found.status == TaxelStatus.SATURATED
+    return Readings(subtract_zero(found.values) if found.unit else found.values, saturated, pitch, found.unit or '')
 
 
 def _of_log(args: argparse.Namespace) -> Readings:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from tactile_node.cli.options import add_number, names, number, pad_names
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.interruption import interrupted_once
+from tactile_node.output_file import output_file
 
 if TYPE_CHECKING:
     from tactile_node.commissioning.commissioned_gripper import Question
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from tactile_node.gripper.ros_gripper import RosGripper
 
 GRAVITY = 9.81       #: [m/s²]
+DEFAULT_PADS = ['left', 'right']  #: names of the pads without --pads
 CHECK_REST = 20.0    #: duration of the recording of the untouched pads in a check [s]
 CHECK_TRIALS = 3     #: number of trials of each way to stop in a check
 RESULTS = 'parameters.yaml', 'report.md', 'report.json', 'check.json'  #: files beside the record
@@ -75,12 +77,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     tools.add_argument('--skip', type=names, default=[], metavar='STEP,...', help='steps to leave out: '
                        'foam, block, step, weight, proof. Steps that need them are left out too, and the values of all '
                        'these steps are missing')
+    skin = parser.add_argument_group('skin', 'Both measurements need an unloaded pad.')
+    add_number(skin, '--disc', limits={'above': 0, 'unit': 'm'}, metavar='RADIUS', help='press a flat disc of this '
+               'radius [m] for `tactile calibrate`, before the gripper moves (default: left out)')
+    skin.add_argument('--shapes', type=names, default=[], metavar='NAME,...', help='touch the pad with these objects '
+                      'for `tactile assess`, for example circle,bar,unknown (default: left out)')
     topics = parser.add_argument_group('topics')
     topics.add_argument('--action', default='gripper_controller/gripper_cmd', metavar='NAME', help="gripper's own "
                         'action (default: %(default)s)')
     topics.add_argument('--joint-states', default='joint_states', metavar='TOPIC', help='topic of the joint states '
                         '(default: %(default)s)')
-    topics.add_argument('--pads', type=pad_names, default=['left', 'right'], metavar='NAME,NAME', help='names of the '
+    topics.add_argument('--pads', type=pad_names, metavar='NAME,NAME', help='names of the '
                         'two pads (default: left,right)')
     topics.add_argument('--namespace', default='', help='namespace of the driver and of the gripper')
 
@@ -97,15 +104,22 @@ def run(args: argparse.Namespace) -> int:
                          remedy='Give another folder.') from error
     _check_folder(folder)
     record = CommissioningRecord(folder / 'record.json')
-    joint = _stated(args, record)['joint']
+    stated = _stated(args, record)
     person = Terminal(sys.stdin, sys.stdout)
     if args.check:
         _check_record(record, folder)
     person.say(f'{SAFETY}\nConnecting to the gripper and the pads ...')
-    with interrupted_once(), _connected(args, joint) as (gripper, grid):
+    with interrupted_once(), _connected(args, stated['joint'], stated.get('pads', DEFAULT_PADS)) as (gripper, grid):
         plan = _plan(args, record, grid)
-        return _check(gripper, person, plan, record, folder) if args.check else \
-            _commission(gripper, person, plan, record, folder, args.skip)
+        if args.check:
+            return _check(gripper, person, plan, record, folder)
+        if args.disc or args.shapes or 'response' in record:
+            from tactile_node.cli.skin_measurement import measure_skin
+            if measure_skin(gripper, person, plan.pads[0], record, folder, args.disc, args.shapes):
+                _write_results(plan, record, folder, person)
+                raise ConfigurationError('driver', expected='the response of the skin', got='none', remedy='Start the '
+                                         f'driver with params_file:={folder}/parameters.yaml, and this command again.')
+        return _commission(gripper, person, plan, record, folder, args.skip)
 
 
 class Terminal:
@@ -191,6 +205,7 @@ def _procedure(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan
 
 def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', folder: Path, person: Terminal) -> None:
     import tactile_node
+    from tactile_node.cli.commissioning_pictures import pictures_of
     from tactile_node.commissioning.evaluation import Evaluation
     from tactile_node.commissioning.parameter_file import measured_parameters, write_parameters
     from tactile_node.commissioning.report import write_report
@@ -200,7 +215,14 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
         write_parameters(str(folder / 'parameters.yaml'), parameters)
     about = {'date': datetime.now().astimezone().isoformat(timespec='minutes'), 'version': tactile_node.__version__,
              'joint': f'{plan.joint}, {plan.low:g} to {plan.high:g} {plan.unit}'}
-    write_report(folder / 'report.md', folder / 'report.json', found, parameters, about)
+    serials = [each or 'unknown' for each in record.get('rest').get('serial_numbers', ['', ''])]
+    about['serial numbers'] = ', '.join(f'pad {pad}: {serial}' for pad, serial in zip(plan.pads, serials))
+    pictures = pictures_of(found, plan)
+    for file, (_, drawing) in pictures.items():
+        with output_file(folder / file) as stream:
+            stream.write(drawing.encode())
+    write_report(folder / 'report.md', folder / 'report.json', found, parameters, about,
+                 {file: caption for file, (caption, _) in pictures.items()})
     written = ['record.json', 'report.md', 'report.json', *['parameters.yaml'] * bool(parameters.nodes)]
     person.say(f'\nWritten to {folder}: {", ".join(written)}.'
                + (f' {len(parameters.absent)} parameters are missing; the report gives the reasons.'
@@ -208,7 +230,7 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
 
 
 @contextmanager
-def _connected(args: argparse.Namespace, joint: str) -> 'Iterator[tuple[RosGripper, PadGrid]]':
+def _connected(args: argparse.Namespace, joint: str, pads: Sequence[str]) -> 'Iterator[tuple[RosGripper, PadGrid]]':
     """Connect to the gripper and the pads. At the end, wait until the gripper has answered the last commands."""
     import rclpy
     from rclpy.signals import SignalHandlerOptions
@@ -220,7 +242,7 @@ def _connected(args: argparse.Namespace, joint: str) -> 'Iterator[tuple[RosGripp
     try:
         with translate_rclpy_errors():
             node = rclpy.create_node('tactile_commission', namespace=args.namespace)
-            gripper = RosGripper(node, action=args.action, joint=joint, joint_states=args.joint_states, pads=args.pads)
+            gripper = RosGripper(node, action=args.action, joint=joint, joint_states=args.joint_states, pads=pads)
         try:
             with spinning([node]):
                 try:
@@ -241,8 +263,8 @@ def _check_options(args: argparse.Namespace) -> None:
     if not sys.stdin.isatty():
         raise ConfigurationError('standard input', expected='a terminal, because a person has to watch the gripper',
                                  got='a file or a pipe', remedy='Start the command in a terminal, without "<" or "|".')
-    if len(set(args.pads)) != 2:
-        raise ConfigurationError('--pads', expected='two names', got=', '.join(args.pads) or 'none',
+    if args.pads and len(set(args.pads)) != 2:
+        raise ConfigurationError('--pads', expected='two names', got=', '.join(args.pads),
                                  remedy='Give, for example, --pads left,right.')
     if wrong := [step for step in args.skip if step not in OPTIONAL]:
         raise ConfigurationError('--skip', expected=f'one of {", ".join(OPTIONAL)}', got=', '.join(wrong),
@@ -280,11 +302,12 @@ def _stated(args: argparse.Namespace, record: 'CommissioningRecord') -> dict[str
         'blocks': ('--blocks', args.blocks and [asdict(_block(each)) for each in args.blocks]),
         'weight': ('--weight', args.weight and GRAVITY * args.weight),
         'down': ('--down', args.down and list(DOWN[args.down])), 'rest_time': ('--rest-time', args.rest_time),
-        'hold_time': ('--hold-time', args.hold_time), 'stop_trials': ('--stop-trials', args.stop_trials)}
+        'hold_time': ('--hold-time', args.hold_time), 'stop_trials': ('--stop-trials', args.stop_trials),
+        'pads': ('--pads', args.pads)}
     given = {name: value for name, (_, value) in options.items() if value is not None}
     if kept := record.get('plan'):
         for name, value in given.items():
-            if value != kept[name]:
+            if value != kept.get(name, DEFAULT_PADS):
                 raise ConfigurationError(options[name][0], expected=f'{kept[name]} as in the record', got=str(value),
                                          remedy='Give another --output for another gripper or plan.')
         return kept

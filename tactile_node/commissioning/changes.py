@@ -1,16 +1,18 @@
 """Compare a check with the first commissioning, and name the changes of the pads and of the gripper."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Sequence
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.guarded_gripper import MOST_DRIFT
 from tactile_node.commissioning.measurement import Estimate
-from tactile_node.commissioning.movement import StopTrial, StopWay
+from tactile_node.commissioning.movement import StopWay
 from tactile_node.commissioning.pad_mounting import PadMounting
 from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.taxel_survey import TaxelFinding
@@ -21,6 +23,8 @@ OTHER_PAD = 0.3       #: Correlation of two zeros below which they belong to dif
 CLEAR_PATTERN = 10.0  #: Spread of a zero over the taxels that identifies a pad [standard deviations of its mean].
 RATE_CHANGE = 0.05    #: Change of a rate or a speed that is reported.
 SPEED_SIGMAS = 3.0    #: Change of the speed that is reported [standard deviations].
+PHASE = 1.2           #: Change of a time that the phase of the samples may cause [periods].
+FALSE_ALARM = 0.01    #: Largest chance that an unchanged gripper shows a later start, or a later stop.
 
 
 class Change(Enum):
@@ -28,7 +32,7 @@ class Change(Enum):
 
     PADS_SWAPPED = 'the pads are swapped'
     PAD_TURNED = 'the pad is mounted in another way'
-    PAD_EXCHANGED = 'the pad was exchanged, or each of its taxels has drifted in its own way'
+    PAD_EXCHANGED = 'the pad was exchanged (or, without a serial number, each of its taxels has drifted)'
     ZERO_DRIFTED = 'the zero has drifted'
     TAXEL_LOST = 'a taxel is gone'
     FRAME_RATE = 'the frame rate is different'
@@ -54,8 +58,8 @@ class Finding(NamedTuple):
 def find_changes(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan) -> list[Finding]:
     """Return the changes between two records that contain the steps COMPARED.
 
-    A pad is identified by the pattern of its zero over the taxels. After a tare, the zero has no pattern, so an
-    exchanged pad is then not found.
+    A pad is identified by its serial number, and by the pattern of its zero over the taxels. After a tare, the zero has
+    no pattern, so an exchanged pad is then found only by its serial number.
 
     Parameters
     ----------
@@ -81,7 +85,14 @@ def _partners(first: CommissioningRecord, check: CommissioningRecord) -> tuple[i
     likeness = np.array([[_correlation(first, check, then, now) for then in (0, 1)] for now in (0, 1)])
     crossed = likeness[0, 1] + likeness[1, 0] > likeness[0, 0] + likeness[1, 1]
     is_swapped = first['pads']['order'] != check['pads']['order']
+    before, now = (_serial_numbers(record) for record in (first, check))
+    known = '' not in (*before, *now) and before[0] != before[1]
+    crossed = now == before[::-1] if known else crossed
     return (1, 0) if is_swapped and crossed else (0, 1)
+
+
+def _serial_numbers(record: CommissioningRecord) -> list[str]:
+    return record['rest'].get('serial_numbers', ['', ''])  # an older record has none
 
 
 def _zeros(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> tuple[np.ndarray,
@@ -120,7 +131,10 @@ def _changes_of_pad(first: CommissioningRecord, check: CommissioningRecord, then
     if before != after:
         found.append(Finding(Change.PAD_TURNED, where, str(before), str(after)))
     likeness = _correlation(first, check, then, now)
-    if likeness < OTHER_PAD:
+    serials = _serial_numbers(first)[then], _serial_numbers(check)[now]
+    if all(serials) and serials[0] != serials[1]:
+        found.append(Finding(Change.PAD_EXCHANGED, where, *(f'serial number {each}' for each in serials)))
+    elif likeness < OTHER_PAD:
         found.append(Finding(Change.PAD_EXCHANGED, where, 'at least 0.7 for the same pad',
                              f'correlation of the zeros {likeness:.2f}'))
     else:
@@ -140,25 +154,25 @@ def _changes_of_pad(first: CommissioningRecord, check: CommissioningRecord, then
 
 def _changes_of_gripper(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan
                         ) -> list[Finding]:
-    before, found = Evaluation(first, plan), []
+    before, now, found = Evaluation(first, plan), Evaluation(check, plan), []
     rising = [record['first movement']['opens_rising'] for record in (first, check)]
     if rising[0] != rising[1]:
         words = ['opens as the reading rises' if each else 'opens as the reading falls' for each in rising]
         found.append(Finding(Change.DIRECTION, 'gripper', *words))
-    trials = _trials(check['stops'])
-    latest = max(trial.started for each in trials.values() for trial in each)
-    if latest > before.start_latency:
-        found.append(_later(Change.STARTS_LATER, 'gripper', before.start_latency, latest))
-    for way in StopWay:
-        where, count = f'stop by {way.value}', sum(trial.is_stopped for trial in trials[way])
-        if not before.stop_count(way).is_reliable:
-            continue
-        if count < len(trials[way]):
-            found.append(Finding(Change.STOP_FAILS, where, 'no failed stop', f'{count} of {len(trials[way])} stopped'))
-            continue
-        latest = max(trial.stopped for trial in trials[way])
-        if latest > before.stop_latency(way):
-            found.append(_later(Change.STOPS_LATER, where, before.stop_latency(way), latest))
+    period = max(record['stops']['period'] for record in (first, check))
+    started, starts = ([trial.started for way in StopWay for trial in each.trials(way)] for each in (now, before))
+    if max(started) > (limit := largest_expected(starts, [starts], period, len(started))):
+        found.append(_later(Change.STARTS_LATER, 'gripper', limit, max(started)))
+    stops = {way: [trial.stopped for trial in before.trials(way)] for way in StopWay
+             if before.stop_count(way).is_reliable}
+    for way, times in stops.items():
+        where, count = f'stop by {way.value}', now.stop_count(way)
+        latest = max(trial.stopped for trial in now.trials(way))
+        if not count.is_reliable:
+            found.append(Finding(Change.STOP_FAILS, where, 'no failed stop',
+                                 f'{count.stopped} of {count.trials} stopped'))
+        elif latest > (limit := largest_expected(times, list(stops.values()), period, count.trials)):
+            found.append(_later(Change.STOPS_LATER, where, limit, latest))
     speeds = [Estimate(*record['stops']['speed']) for record in (first, check)]
     change = abs(speeds[1].value - speeds[0].value)
     if change > max(RATE_CHANGE * speeds[0].value, SPEED_SIGMAS * np.hypot(speeds[0].deviation, speeds[1].deviation)):
@@ -166,10 +180,29 @@ def _changes_of_gripper(first: CommissioningRecord, check: CommissioningRecord, 
     return found
 
 
-def _trials(stops: Mapping[str, Any]) -> dict[StopWay, list[StopTrial]]:
-    return {way: [StopTrial(*each) for each in stops['trials'][way.value]] for way in StopWay}
+def largest_expected(before: Sequence[float], groups: Sequence[Sequence[float]], period: float, count: int) -> float:
+    """Return the time that the largest of new times exceeds with a chance of at most FALSE_ALARM.
+
+    The result depends on both numbers of trials, so a few trials may be compared with many.
+
+    Parameters
+    ----------
+    before : sequence of float
+        Times in the first commissioning [s], two or more.
+    groups : sequence of sequence of float
+        Groups of times with the same spread, among them ``before``. The groups may have different means.
+    period : float
+        Period of the joint states [s]. A time may change by a whole period, because the phase of the samples changes.
+    count : int
+        Number of new times.
+    """
+    residuals = np.concatenate([np.array(each) - np.mean(each) for each in groups])
+    freedom = len(residuals) - len(groups)
+    deviation = math.sqrt(float(residuals @ residuals) / freedom * (1 + 1 / len(before)))
+    spread = float(stdtrit(freedom, 1 - FALSE_ALARM / count)) * deviation
+    return float(np.mean(before)) + max(spread, PHASE * period)
 
 
 def _later(change: Change, where: str, before: float, now: float) -> Finding:
-    """Return the finding that a time now exceeds the upper bound of the first commissioning [s]."""
+    """Return the finding that a time now exceeds the largest time that the first commissioning lets expect [s]."""
     return Finding(change, where, f'at most {1e3 * before:.0f} ms', f'at least {1e3 * now:.0f} ms')

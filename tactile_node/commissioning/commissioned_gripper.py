@@ -21,6 +21,9 @@ class CommissionedGripper(Protocol):
     def cancel(self) -> None:
         """Cancel all goals."""
 
+    def serial_numbers(self) -> tuple[str, str]:
+        """Return the serial number of each pad, or '' if it is not known."""
+
     def others(self) -> str:
         """Return the other client that commands the gripper, for example touch_gripper, or '' if there is none."""
 
@@ -39,6 +42,7 @@ class Act(Enum):
     CLEAR = 'take everything out of the gripper'
     WEIGHT = 'hang the weight on the object'
     OBJECT = 'hold the object between the pads'
+    REUSE = 'say whether a recording is used again'
     REPEAT = 'correct a mistake before a part is repeated'
 
     @property

@@ -72,7 +72,8 @@ class CommissioningRecord:
 def plan_from(content: Mapping[str, Any]) -> CommissioningPlan:
     """Return a plan from the JSON of its fields."""
     blocks = tuple(GaugeBlock(**each) for each in content['blocks'])
-    lists = {'grid': PadGrid(*content['grid']), 'blocks': blocks, 'down': tuple(content['down'])}
+    lists = {'grid': PadGrid(*content['grid']), 'blocks': blocks, 'down': tuple(content['down']),
+             'pads': tuple(content.get('pads', CommissioningPlan.pads))}
     return CommissioningPlan(**dict(content) | lists)
 
 

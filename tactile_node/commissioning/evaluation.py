@@ -65,6 +65,15 @@ class Evaluation:
         return None if order is None else order == [1, 0]
 
     @property
+    def names(self) -> list[str]:
+        """Names of the left and the right pad in the driver; empty if unknown."""
+        return [self._plan.pads[pad] for pad in self._record.get('pads').get('order', [])]
+
+    def of_skin(self, step: str) -> dict[str, str]:
+        """Return the file and the text of the step `response` or `assessment`, or an empty dict."""
+        return self._record.get(step)
+
+    @property
     def mountings(self) -> list[PadMounting]:
         """How the left and the right pad are mounted; empty if unknown."""
         return [PadMounting(*each) for each in self._record.get('pads').get('mountings', [])]
@@ -85,8 +94,11 @@ class Evaluation:
         return find_law([grip.onset for grip in self.grips], [grip.width for grip in self.grips],
                         is_angle=self._plan.unit == 'rad')
 
+    def trials(self, way: StopWay) -> list[StopTrial]:
+        return [StopTrial(*each) for each in self._record.get('stops').get('trials', {}).get(way.value, [])]
+
     def stop_count(self, way: StopWay) -> StopCount:
-        trials = self._trials(way)
+        trials = self.trials(way)
         return StopCount(way, len(trials), sum(trial.is_stopped for trial in trials))
 
     @property
@@ -107,14 +119,14 @@ class Evaluation:
     @property
     def start_latency(self) -> float:
         """Upper bound of the time from a command to the movement [s]."""
-        trials = [trial for way in StopWay for trial in self._trials(way)]
+        trials = [trial for way in StopWay for trial in self.trials(way)]
         return start_latency(trials, self._period)
 
     def stop_latency(self, way: StopWay) -> float:
         """Return the upper bound of the time from a stop to standstill [s]."""
-        if not self._trials(way):
+        if not self.trials(way):
             return math.nan
-        return stop_latency(self._trials(way), self._period, self._record['first movement']['noise'],
+        return stop_latency(self.trials(way), self._period, self._record['first movement']['noise'],
                             self._speed.value)
 
     @property
@@ -184,12 +196,17 @@ class Evaluation:
     def closes(self) -> list[Close]:
         return [Close(*each) for each in self._record.get('proof').get('closes', [])]
 
+    @property
+    def predicted_overshoot(self) -> float:
+        """Largest overshoot that was predicted for the closes [N]; NaN without closes."""
+        return float(self._record.get('proof').get('predicted', math.nan))
+
     def fits_closing(self) -> Fact:
         """Return whether the gripper is fit for closing by touch, with the numbers."""
         name, limit = 'fit for closing by touch', self._plan.force_limit
         counts = ', '.join(f'{way.value} {count.stopped} of {count.trials}' for way in (StopWay.CANCEL, StopWay.GOAL)
                            for count in [self.stop_count(way)])
-        if not self._trials(StopWay.CANCEL) or not self.kept(StopWay.CANCEL).is_known:
+        if not self.trials(StopWay.CANCEL) or not self.kept(StopWay.CANCEL).is_known:
             return Fact(name, 'unknown', Verdict.UNKNOWN, NOT_DONE)
         if self.stop_by is None:
             return Fact(name, 'no', Verdict.FAIL, f'no way to stop is reliable and keeps the force: {counts}')
@@ -218,9 +235,8 @@ class Evaluation:
                 lines.append(Fact(f'{name} pad, mounting', 'unknown', Verdict.UNKNOWN, NOT_DONE))
                 continue
             mounting = self.mountings[number]
-            reason = 'reverse the columns in the layout of this pad' if mounting.is_mirrored else ''
-            lines.append(Fact(f'{name} pad, mounting', str(mounting), Verdict.FAIL if mounting.is_mirrored
-                              else Verdict.PASS, reason))
+            reason = 'mirrored_pads in the parameter file' if mounting.is_mirrored else ''
+            lines.append(Fact(f'{name} pad, mounting', str(mounting), Verdict.PASS, reason))
             findings = self.taxels[number]
             faulty = [tuple(map(int, place)) for place in np.argwhere(findings == TaxelFinding.FAULTY)]
             unknown = int(np.count_nonzero(findings == TaxelFinding.UNKNOWN))
@@ -259,8 +275,8 @@ class Evaluation:
                   _plain('force per effort', self.effort_map.slope, 'N')]
         bound = self.start_latency
         lines.append(_bound('time from a command to the movement', bound))
-        lines += [_bound(f'time from a stop by {way.value} to standstill', self.stop_latency(way))
-                  for way in (StopWay.CANCEL, StopWay.GOAL)]
+        lines += [_bound(f'time from a stop by {way.value} to standstill', self.stop_latency(way),
+                         'a stop failed' if self.trials(way) else NOT_DONE) for way in (StopWay.CANCEL, StopWay.GOAL)]
         names = 'right pad, offset along x', 'right pad, offset along y', 'right pad, turn', 'tilt along x', \
             'tilt along y'
         for name, each, unit in zip(names, self.alignment or [NOT_MEASURED] * 5, ('m', 'm', 'rad', 'rad', 'rad')):
@@ -273,7 +289,7 @@ class Evaluation:
         lines.append(_plain('shift per load', shift, 'm')._replace(reason=reason))
         if self.closes:
             over = max(close.overshoot for close in self.closes)
-            predicted = float(self._record['proof']['predicted'])
+            predicted = self.predicted_overshoot
             lines.append(Measurement('largest overshoot of the closes', Estimate(over, 0.0), 'N', Verdict.PASS
                                      if over <= predicted else Verdict.FAIL, f'predicted at most {predicted:.2f} N'))
         return lines
@@ -308,9 +324,6 @@ class Evaluation:
 
     # ---- helpers ----
 
-    def _trials(self, way: StopWay) -> list[StopTrial]:
-        return [StopTrial(*each) for each in self._record.get('stops').get('trials', {}).get(way.value, [])]
-
     @property
     def _period(self) -> float:
         return float(self._record.get('stops').get('period', math.nan))
@@ -332,12 +345,12 @@ def _limited(name: str, estimate: Estimate, unit: str, limit: float) -> Measurem
     if not estimate.is_known:
         return Measurement(name, NOT_MEASURED, unit, Verdict.UNKNOWN, NOT_DONE)
     verdict = Verdict.PASS if abs(estimate.value) <= limit else Verdict.FAIL
-    return Measurement(name, estimate, unit, verdict, f'at most {limit:g} {unit}')
+    return Measurement(name, estimate, unit, verdict, f'at most {limit:g} {unit}'.removesuffix(' 1'))
 
 
-def _bound(name: str, bound: float) -> Measurement:
-    """Return the line of an upper bound [s]."""
+def _bound(name: str, bound: float, unknown: str = NOT_DONE) -> Measurement:
+    """Return the line of an upper bound [s]; ``unknown`` is the reason if it is not known."""
     if not math.isfinite(bound):
-        return Measurement(name, NOT_MEASURED, 's', Verdict.UNKNOWN, NOT_DONE)
+        return Measurement(name, NOT_MEASURED, 's', Verdict.UNKNOWN, unknown)
     return Measurement(name, Estimate(bound, 0.0), 's', Verdict.PASS if bound <= MOST_LATENCY else Verdict.FAIL,
                        f'upper bound; at most {MOST_LATENCY:g} s')

@@ -35,8 +35,13 @@ class MeasuredParameters(NamedTuple):
 
 def measured_parameters(found: Evaluation, plan: CommissioningPlan) -> MeasuredParameters:
     """Return the parameters that were measured."""
-    nodes: dict[str, dict[str, Any]] = {'grasp': {}, 'touch_gripper': {}, 'classifier': {}}
+    nodes: dict[str, dict[str, Any]] = {'skin_driver': {}, 'grasp': {}, 'touch_gripper': {}, 'classifier': {}}
     absent: dict[str, str] = {}
+    for step, node, name in (('response', 'skin_driver', 'response_files'), ('assessment', 'classifier', 'model')):
+        if file := found.of_skin(step).get('file'):
+            nodes[node][name] = [file] if node == 'skin_driver' else file
+        else:
+            absent[name] = 'the skin was not measured' if not found.of_skin(step) else 'the model was not improved'
     _add_opening(nodes, absent, found, plan)
     _add_pads(nodes, absent, found, plan)
     _add_closing(nodes, absent, found, plan)
@@ -72,10 +77,10 @@ def _add_pads(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found: E
     if found.is_swapped is None:
         absent['left_pad, right_pad'] = 'the pads were not pressed'
     elif found.is_swapped:
-        absent['left_pad, right_pad'] = 'the pads are swapped: exchange their names in the driver'
-    if any(mounting.is_mirrored for mounting in found.mountings):
-        absent['left_xyz, left_rpy, right_xyz, right_rpy'] = 'a pad is mirrored: reverse the columns in its layout'
-    elif found.alignment is None or not found.mountings or not all(each.is_known for each in found.alignment):
+        absent['left_pad, right_pad'] = 'the pads are swapped: exchange their names in `pads` of the launch file'
+    if mirrored := [name for name, mounting in zip(found.names, found.mountings) if mounting.is_mirrored]:
+        nodes['skin_driver']['mirrored_pads'] = mirrored
+    if found.alignment is None or not found.mountings or not all(each.is_known for each in found.alignment):
         absent['left_xyz, left_rpy, right_xyz, right_rpy'] = 'the pads were not compared with a free block'
     else:
         nodes['grasp'] |= {'frame_id': FRAME} | pad_poses(plan.grid, found.mountings, found.alignment)
@@ -106,13 +111,13 @@ def _add_closing(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found
 
 
 def pad_poses(grid: PadGrid, mountings: list[PadMounting], alignment: PadAlignment) -> dict[str, list[float]]:
-    """Return xyz and rpy of taxel (0, 0) of both pads in FRAME."""
+    """Return xyz and rpy of taxel (0, 0) of both pads in FRAME, with mirrored pads as the driver mirrors them."""
     x, y, turn, tilt_x, tilt_y = (each.value for each in alignment)
     facing = _about_y(-tilt_x) @ _about_x(tilt_y) @ _about_z(turn) @ np.diag((-1.0, 1.0, -1.0))
     poses: dict[str, list[float]] = {}
     for name, mounting, frame, centre in (('left', mountings[0], np.eye(3), np.zeros(3)),
                                           ('right', mountings[1], facing, np.array((x, y, 0.0)))):
-        corner = taxel_places(grid, mounting)[0, 0]
+        corner = taxel_places(grid, mounting._replace(is_mirrored=False))[0, 0]
         rotation = frame @ _about_z(np.pi / 2 * mounting.quarter_turns)
         poses[f'{name}_xyz'] = [_rounded(each) for each in centre + frame[:, :2] @ corner]
         poses[f'{name}_rpy'] = [_rounded(each) for each in _rpy(rotation)]

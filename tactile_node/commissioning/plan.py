@@ -32,6 +32,7 @@ class CommissioningPlan:
     most_effort: float    #: largest effort that the gripper accepts, in its own unit
     blocks: tuple[GaugeBlock, ...]
     weight: float         #: weight for the shift of a contact [N]
+    pads: tuple[str, str] = ('left', 'right')  #: names of the pads in the driver
     down: tuple[float, float] = (0.0, -1.0)  #: direction of gravity on the left pad, seen with the fingertip up
     force_limit: float = 20.0  #: largest force that the commissioning applies on purpose [N]
     touch_force: float = 5.0   #: force of the closes that prove the parameters [N]

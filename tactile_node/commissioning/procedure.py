@@ -100,7 +100,7 @@ class CommissioningProcedure:
     def __init__(self, gripper: CommissionedGripper, person: Person, plan: CommissioningPlan,
                  record: CommissioningRecord, on_step: Callable[[str], None] = lambda name: None):
         self._gripper = GuardedGripper(gripper, person, plan)
-        self._others = gripper.others
+        self._others, self._serial_numbers = gripper.others, gripper.serial_numbers
         self._person, self._plan, self._record, self._on_step = person, plan, record, on_step
         self.refused: list[tuple[str, RefusedStepError]] = []  #: parts that were refused, with the reason
         self._gripper.noise = record.get('first movement').get('noise', self._gripper.noise)
@@ -182,7 +182,8 @@ class CommissioningProcedure:
             raise RefusedStepError('rest', Mistake.PADS_SILENT, expected='frames of both pads', got='too few',
                                    remedy='Check the driver of the skin.')
         self._gripper.zero = np.array([each.zero for each in found if each])
-        return {'pads': [each._asdict() for each in found if each], 'age': age}
+        return {'pads': [each._asdict() for each in found if each], 'age': age,
+                'serial_numbers': self._serial_numbers()}
 
     def _pads(self) -> dict[str, Any]:
         (left, first), (right, second) = self._attempt(self._press_both)

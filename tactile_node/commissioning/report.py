@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from tactile_node.commissioning.evaluation import Evaluation
@@ -11,11 +12,12 @@ from tactile_node.commissioning.measurement import Measurement
 from tactile_node.commissioning.parameter_file import MeasuredParameters
 from tactile_node.output_file import output_file
 
+SKIN_STEPS = 'response', 'assessment'  #: Steps that `tactile calibrate` and `tactile assess` carry out.
 FORCES = 1.0, 2.0, 5.0, 10.0  #: Overshoots for which the page gives the fastest speed [N].
 
 
 def write_report(page: str | Path, data: str | Path, found: Evaluation, parameters: MeasuredParameters,
-                 about: Mapping[str, str]) -> None:
+                 about: Mapping[str, str], pictures: Mapping[str, str] = MappingProxyType({})) -> None:
     """Write the page and the JSON file.
 
     Parameters
@@ -28,14 +30,17 @@ def write_report(page: str | Path, data: str | Path, found: Evaluation, paramete
         The parameters of the parameter file.
     about : mapping of str to str
         Lines for the head of the page, for example the date, the versions and the identities of the devices.
+    pictures : mapping of str to str
+        Caption of each picture, by the name of its file beside the page.
     """
     with output_file(page) as stream:
-        stream.write(page_text(found, parameters, about).encode())
+        stream.write(page_text(found, parameters, about, pictures).encode())
     with output_file(data) as stream:
         stream.write(json.dumps(report_data(found, parameters, about), indent=1, allow_nan=False).encode())
 
 
-def page_text(found: Evaluation, parameters: MeasuredParameters, about: Mapping[str, str]) -> str:
+def page_text(found: Evaluation, parameters: MeasuredParameters, about: Mapping[str, str],
+              pictures: Mapping[str, str]) -> str:
     """Return the page."""
     lines = ['# Commissioning', '', *(f'- {name}: {value}' for name, value in about.items()), '',
              '| finding | value | verdict | reason |', '| --- | --- | --- | --- |']
@@ -45,6 +50,11 @@ def page_text(found: Evaluation, parameters: MeasuredParameters, about: Mapping[
               for each in found.measurements]
     lines += ['', '| overshoot [N] | fastest speed [mm/s] |', '| --- | --- |']
     lines += [f'| {force:g} | {_speed(found.allowed_speed(force))} |' for force in FORCES]
+    for file, caption in pictures.items():
+        lines += ['', f'![{caption}]({file})', '', caption]
+    for step in SKIN_STEPS:
+        text = found.of_skin(step).get('text', 'The step was not carried out.')
+        lines += ['', f'## Skin: {step}', '', *(f'    {line}'.rstrip() for line in text.strip().splitlines())]
     lines += ['', '## Parameters that are missing', '']
     lines += [f'- {name}: {reason}' for name, reason in parameters.absent.items()] or ['None.']
     lines += ['', 'The poses of the pads are relative only. Their place in the frame of the gripper was not measured.']
@@ -60,6 +70,7 @@ def report_data(found: Evaluation, parameters: MeasuredParameters, about: Mappin
                               'deviation': _number(each.estimate.deviation), 'unit': each.unit,
                               'verdict': each.verdict.value, 'reason': each.reason} for each in found.measurements],
             'fastest_speeds': [{'overshoot': force, 'speed': _number(found.allowed_speed(force))} for force in FORCES],
+            'skin': {step: found.of_skin(step).get('text') for step in SKIN_STEPS},
             'parameters': parameters.nodes, 'absent': parameters.absent}
 
 

@@ -33,6 +33,7 @@ class PadCondition(NamedTuple):
     zero: ZeroState = ZeroState.VALID          #: state of the zero; values are valid only in the state VALID
     zero_error: HalfZeroedError | None = None  #: error of a device that has zeroed only some of its channels
     other_publishers: tuple[str, ...] = ()     #: full names of other nodes that also publish the taxels of this pad
+    is_mirrored: bool = False  #: True if the driver counts the columns in the other direction than the layout file
 
 
 class ConditionedPad:

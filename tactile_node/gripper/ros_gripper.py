@@ -11,6 +11,7 @@ from uuid import uuid4
 
 import numpy as np
 from action_msgs.msg import GoalStatus, GoalStatusArray
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
@@ -22,12 +23,15 @@ from tactile_node.commissioning.recording import JointStates, PadFrames, PadGrid
 from tactile_node.errors import ConfigurationError
 from tactile_node.gripper.duplicate_watch import LISTEN_TIME, DuplicateWatch
 from tactile_node.gripper.messages import PARALLEL, GoalValues, gripper_interface
+from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.ros.contact_messages import taxel_values
+from tactile_node.nodes.message_guard import publisher_names
+from tactile_node.ros.contact_messages import pad_frame_of, taxel_values
 from tactile_node.ros.message_age import MeasurementTime
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.time_messages import seconds
+from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
 
 #: Time before a call of `RosGripper.advance` from which messages are still returned [s]. Older messages arrived while
@@ -59,6 +63,9 @@ class _Position(NamedTuple):
 
 class RosGripper:
     """A `CommissionedGripper` on ROS. Another thread has to spin the node.
+
+    The forces are given as the device counts its columns: columns that the driver mirrors are mirrored back. A
+    commissioning therefore finds the same mounting before and after its parameters are applied.
 
     The heartbeat of touch_gripper is sent as well, so a touch_gripper on the same action does not close meanwhile.
 
@@ -101,12 +108,15 @@ class RosGripper:
         self._live: frozenset[bytes] = frozenset()  # IDs of the live goals of all clients
         self._answers: list[Any] = []      # futures of the last commands
         self._refusal = ''
+        self.tap: list[TaxelFrame] | None = None  #: list to which the frames of the first pad are added, as published
         self._first: list[TaxelArray | None] = [None for _ in pads]
         self._client = ActionClient(node, self._interface.action, action)
         self._watch = DuplicateWatch(node, (f'{action}/touch_gripper',), steady=steady)
         self._status = node.create_subscription(GoalStatusArray, f'{action}/_action/status', self._on_status,
                                                 qos_profile_action_status_default)
         self._states = node.create_subscription(JointState, joint_states, self._on_state, qos_profile_sensor_data)
+        self._diagnostics = node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        self._facts: list[dict[str, str]] = [{}, {}]  # values of the pads on /diagnostics; empty for another driver
         self._taxels = [GuardedSubscription(node, TaxelArray, f'{pad}/taxels', partial(self._on_taxels, number),
                                             frames_qos(MOST_WAITING), check=check_taxel_array, steady=steady)
                         for number, pad in enumerate(pads)]
@@ -190,6 +200,17 @@ class RosGripper:
             handle = ClientGoalHandle(self._client, UUID(uuid=list(goal_id)), None)
             self._expect(handle.cancel_goal_async())
 
+    @property
+    def first_frame(self) -> TaxelArray:
+        """First frame of the first pad, as published."""
+        assert self._first[0] is not None, 'the pads are connected'
+        return self._first[0]
+
+    def serial_numbers(self) -> tuple[str, str]:
+        """Return the serial number of each pad, or '' if the driver does not publish it."""
+        left, right = (facts.get('serial_number', '') for facts in self._facts)
+        return left, right
+
     def others(self) -> str:
         """Return the other client or server of the gripper, or '' if there is none.
 
@@ -229,19 +250,29 @@ class RosGripper:
                                           got=f'{subscription.counts.received} messages, of which none can be used',
                                           remedy='Start the driver, for example with `tactile bringup`, or correct '
                                           '--pads.')
+        for subscription, facts in zip(self._taxels, self._facts):  # the columns may be mirrored
+            driver = f'/{NODE_NAMES[Role.DRIVER]}'
+            if not facts and any(name.endswith(driver) for name in publisher_names(self._node, subscription.topic)):
+                return ConfigurationError('/diagnostics', expected=f'the state of the driver of {subscription.topic}',
+                                          got='none', remedy='Check the network, and start this command again.')
         return None
 
     def _on_taxels(self, number: int, message: TaxelArray) -> None:
         arrival = self._taxels[number].arrival
         if not math.isfinite(arrival.acquired):  # the age is not known yet
             return
+        if number == 0 and self.tap is not None:
+            self.tap.append(TaxelFrame(seconds(message.header.stamp), message.sequence, taxel_values(message),
+                                       pad_frame_of(message).status, message.missing_can_frames))
         first = self._first[number] = self._first[number] or message
         if (message.rows, message.cols, message.unit) != (first.rows, first.cols, first.unit):
             return  # another pad uses the name, so this pad counts as silent
         scale = float(message.pitch) ** 2 if message.unit == 'Pa' else 1.0
+        forces = scale * taxel_values(message)
+        if self._facts[number].get('mirrored') == 'True':
+            forces = forces[:, ::-1]
         with self._lock:
-            self._frames[number].append(_Frame(arrival.steady, arrival.acquired, message.sequence,
-                                               scale * taxel_values(message)))
+            self._frames[number].append(_Frame(arrival.steady, arrival.acquired, message.sequence, forces))
 
     def _on_state(self, message: Any) -> None:
         names = list(message.name)
@@ -255,6 +286,14 @@ class RosGripper:
             if math.isfinite(value) and measured > self._measured:  # a repeated stamp is no new measurement
                 self._measured = measured
                 self._positions.append(_Position(now, measured, value))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for number, subscription in enumerate(self._taxels):
+            pad = subscription.topic.split('/')[-2]
+            names = [f'{driver}: {pad}' for driver in publisher_names(self._node, subscription.topic)]
+            for status in message.status:
+                if status.name in names:
+                    self._facts[number] = {pair.key: pair.value for pair in status.values}
 
     def _on_status(self, message: GoalStatusArray) -> None:
         self._live = frozenset(bytes(each.goal_info.goal_id.uuid) for each in message.status_list

@@ -1,6 +1,7 @@
 """Create the source of the driver's taxel frames from its settings: a live bus or a recorded log."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from tactile_node.assembly.frame_source import FrameSource, OnFrame
 from tactile_node.bus.bus_settings import BusSettings
@@ -24,7 +25,12 @@ def driver_pads(settings: DriverSettings) -> tuple[PadSettings, ...]:
     """
     if not settings.pads:
         raise ConfigurationError('parameter pads', expected='a name for each pad', got='none', remedy='Name a pad.')
-    pads = make_pads(settings.layouts, settings.node_ids, settings.pads)
+    mirrored = [name for name in settings.mirrored_pads if name]
+    if unknown := [name for name in mirrored if name not in settings.pads]:
+        raise ConfigurationError('parameter mirrored_pads', expected=f'names of {", ".join(settings.pads)}',
+                                 got=', '.join(unknown), remedy='Correct the name of the pad.')
+    pads = tuple(replace(pad, layout=pad.layout.mirrored()) if pad.name in mirrored else pad
+                 for pad in make_pads(settings.layouts, settings.node_ids, settings.pads))
     return pads if settings.replay else with_dictionaries(pads, settings.eds)  # pads of a log need no EDS file
 
 

@@ -47,6 +47,7 @@ class PadOutput:
                  settings: DriverSettings, stages: Stages, age: Callable[[float], float],
                  layer: Layer | None = None):
         self.conditioned = conditioned
+        self._is_mirrored = pad.layout.is_mirrored
         self.unit = pad.layout.value.unit
         self._taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
         self._frame_id = frame_id
@@ -61,7 +62,8 @@ class PadOutput:
     @property
     def condition(self) -> PadCondition:
         """State of the conditioning stage, and the other publishers of the topic."""
-        return self.conditioned.condition._replace(other_publishers=self._other_publishers())
+        return self.conditioned.condition._replace(other_publishers=self._other_publishers(),
+                                                     is_mirrored=self._is_mirrored)
 
     def publish(self, frame: TaxelFrame) -> None:
         """Condition a taxel frame, publish it and pass it on, on the chain thread."""

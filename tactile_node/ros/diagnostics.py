@@ -82,7 +82,7 @@ class BusDiagnostics:
             extra: dict[str, object] = {}
             if (condition := conditions.get(pad.pad)) is not None:
                 extra = {'faulty_taxels': faults_text(condition.faults), 'unchanged_s': f'{condition.unchanged:.2f}',
-                         'other_publishers': ', '.join(condition.other_publishers)}
+                         'other_publishers': ', '.join(condition.other_publishers), 'mirrored': condition.is_mirrored}
             statuses.append(self._status(pad.pad, finding, pad_counts(pad) | extra | _nodes_values(pad.nodes)))
         return DiagnosticArray(status=statuses)
 
@@ -193,7 +193,8 @@ def _nodes_values(nodes: tuple[NodeFacts, ...]) -> dict[str, object]:
 
 def _node_values(node: NodeFacts) -> dict[str, object]:
     age = 'never heard' if math.isnan(node.heartbeat_age) else f'{node.heartbeat_age:.2f}'
-    return {'node_id': node.node_id, 'fault': node.fault.name, 'nmt_state': node.nmt_state_text,
+    return {'node_id': node.node_id, 'serial_number': '' if node.serial_number is None else node.serial_number,
+            'fault': node.fault.name, 'nmt_state': node.nmt_state_text,
             'heartbeat_age_s': age, **counts_of(node), 'emcy_last': node.emcy_last or '',
             'emcy_active': node.emcy_active or '',
             'outage_seconds': f'{node.outage_seconds:.2f}', 'outage_last_reason': node.outage_last_reason or ''}

@@ -1,7 +1,7 @@
 """The skin layout, which assigns each taxel to a TPDO, an object and a bit. ``layout_file`` reads layouts from YAML."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -191,6 +191,7 @@ class SkinLayout:
     event_driven: EventDriven | None = None  #: settings of a skin that sends without SYNC, or None for any other skin
     finger_ends: SkinSide = NO_SIDE  #: sides at which the finger does not extend beyond the skin
     unusual_pitch: bool = False  #: True if a pitch outside ``layout_rules.PITCHES`` is intended
+    is_mirrored: bool = False  #: True if the columns are counted from the other side than in the layout file
 
     @property
     def needs_sync(self) -> bool:
@@ -211,6 +212,21 @@ class SkinLayout:
     def carriers(self) -> 'tuple[TpdoLayout | DomainLayout, ...]':
         """The TPDOs, or the DOMAIN, with the taxels of one period."""
         return self.tpdos if self.domain is None else (self.domain,)
+
+    def mirrored(self) -> 'SkinLayout':
+        """Return the layout of a pad whose columns run in the other direction.
+
+        >>> SkinLayout('', 1, 4, 0.002, None, 0x80, (), dead=((0, 1),), finger_ends=SkinSide.FIRST_COL).mirrored().dead
+        ((0, 2),)
+        """
+        def of(carrier: TpdoLayout | DomainLayout) -> Any:
+            taxels = tuple(field._replace(col=self.cols - 1 - field.col) for field in carrier.taxels)
+            return replace(carrier, taxels=taxels)
+        ends, both = self.finger_ends, SkinSide.FIRST_COL | SkinSide.LAST_COL
+        return replace(self, tpdos=tuple(map(of, self.tpdos)), domain=self.domain and of(self.domain),
+                       dead=tuple((row, self.cols - 1 - col) for row, col in self.dead),
+                       finger_ends=ends if ends & both in (NO_SIDE, both) else ends ^ both,
+                       is_mirrored=not self.is_mirrored)
 
     def of_node(self, node: int) -> 'SkinLayout':
         """Return the part of the layout that the pad's node number ``node`` (from 0) sends."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from tactile_node.assembly.facts import NodeFacts, PadFacts
 from tactile_node.assembly.health import NodeFault
 from tactile_node.bus.bus_monitor import BusMonitor
+from tactile_node.bus.device_setup import DeviceAsSet
 from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.objects import NmtState
 from tactile_node.skin.layout import DomainLayout, TpdoLayout
@@ -53,7 +54,7 @@ class NodeMonitor:
         self.traffic = NodeTraffic(node, self._heard)
         self._configured: Setup | None = None
         self._trusted_from = 0.0  # time before which the node's TPDOs may not match the layout
-        self._heartbeat_time: float | None = None  # heartbeat time of the device [s], or None if unknown
+        self._as_set = DeviceAsSet()
         self._heartbeat_writes = 0  # number of writes to the heartbeat time by other masters before the configuration
         #: number of taxel frames emitted without the node's values, because its TPDOs may not have matched the layout
         self.distrusted = 0
@@ -112,7 +113,7 @@ class NodeMonitor:
         self._configured = None
         self.traffic.restart(now)
 
-    def configured(self, setup: Setup, now: float, heartbeat_time: float | None) -> None:
+    def configured(self, setup: Setup, now: float, as_set: DeviceAsSet) -> None:
         """Record that the node was configured.
 
         Parameters
@@ -121,13 +122,13 @@ class NodeMonitor:
             Event counts when the configuration began.
         now
             Time at which the configuration was complete [s].
-        heartbeat_time
-            Heartbeat time of the device [s], or None if unknown.
+        as_set
+            Settings of the device after the configuration.
         """
         if not self.is_trusted:
             self._trusted_from = now
         self._configured = setup
-        self._heartbeat_time = heartbeat_time
+        self._as_set = as_set
         self._heartbeat_writes = self._monitor.heartbeat_writes[self.node.node_id]
         self.refuses_check = False
 
@@ -172,7 +173,7 @@ class NodeMonitor:
             is_active=is_active, setup_fault=self._setup_fault, are_two=self.traffic.are_two,
             is_silent=self._is_silent(now), is_operational=self._heard.state == NmtState.OPERATIONAL,
             # a node may take three heartbeat times, but at least 0.3 s, to execute a command and report its new state
-            is_executing=now - self._commanded < max(0.3, 3 * (self._heartbeat_time or 0.0)),
+            is_executing=now - self._commanded < max(0.3, 3 * (self._as_set.heartbeat_time or 0.0)),
             has_data=silence <= self._data_timeout or self._is_overloaded,
             has_new_data=silence <= self._data_timeout / 2 or self._is_overloaded,
             misses_tpdos=bool(self.traffic.missing),
@@ -191,7 +192,7 @@ class NodeMonitor:
             outages=outages.count, outage_seconds=outages.seconds, outage_last_reason=outages.cause,
             outage_present_reason=outages.current, frames_distrusted=self.distrusted,
             missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, tpdo_order=self.traffic.order,
-            device_errors=self.device_errors)
+            device_errors=self.device_errors, serial_number=self._as_set.serial_number)
 
     @property
     def _setup_fault(self) -> NodeFault:
@@ -216,7 +217,8 @@ class NodeMonitor:
         were_two = self.traffic.are_two
         is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
             self.is_trusted or were_two)  # a restarted device may have another heartbeat time
-        self.traffic.look(now, is_active, pad, bus, self._heartbeat_time if is_known else None, self._data_timeout)
+        heartbeat_time = self._as_set.heartbeat_time if is_known else None
+        self.traffic.look(now, is_active, pad, bus, heartbeat_time, self._data_timeout)
         if were_two and not self.traffic.are_two:
             self._configured = None  # it is unknown which of the two devices was configured
 
@@ -230,6 +232,6 @@ class NodeMonitor:
 
     def _is_silent(self, now: float) -> bool:
         """Return True if the node has been silent for longer than both the timeout and three heartbeat periods."""
-        own = self._heartbeat_time or max(self._heard.intervals or (0.0,))
+        own = self._as_set.heartbeat_time or max(self._heard.intervals or (0.0,))
         allowed = max(self._heartbeat_timeout, 3 * own) * (OVERLOAD_PATIENCE if self._is_overloaded else 1)
         return now - max(self._heard.heard or 0.0, self._since) > allowed

@@ -150,8 +150,8 @@ class SupervisedNode:
 
     def _configure(self, timeout: float, pause: bool = True) -> None:
         setup = self.monitor.setup
-        heartbeat_time = self._bus.configure_node(self.monitor.node, timeout, pause)
-        self.monitor.configured(setup, time.monotonic(), heartbeat_time)
+        as_set = self._bus.configure_node(self.monitor.node, timeout, pause)
+        self.monitor.configured(setup, time.monotonic(), as_set)
 
     def _read_errors(self) -> None:
         before, errors = self.monitor.device_errors, self._bus.devices.read_errors(self.monitor.node)

@@ -1,0 +1,112 @@
+"""Draw the pictures of a commissioning's report with the drawing helpers of `tactile report`."""
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.movement import StopWay
+from tactile_node.commissioning.plan import CommissioningPlan
+from tactile_node.commissioning.taxel_survey import TaxelFinding
+from tactile_node.viewing.chart import DOT_WIDTH, LINE_WIDTH, POINT_COLOURS, Frame, Series, ticks
+from tactile_node.viewing.pad_picture import taxel_map
+from tactile_node.viewing.templates import shared
+
+FRAME = Frame(760, 220, 70, 20, 12, 24)
+PAD_WIDTH = 380  #: [pixels]
+BLUE, ORANGE, GREEN, VIOLET = POINT_COLOURS
+LINE = np.inf  #: gap of a series that is drawn as a line
+MARGIN = 0.08  #: margin around the points [share of their range]
+TAXEL_COLOURS = {TaxelFinding.UNKNOWN: (225, 228, 234), TaxelFinding.WORKS: (46, 139, 87),
+                 TaxelFinding.FAULTY: (193, 18, 31)}
+
+
+def pictures_of(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, str]]:
+    """Return the caption and the SVG drawing of each picture of the finished steps, by the name of its file."""
+    return _law(found, plan.unit) | _stops(found) | _proof(found, plan) | _pads(found, plan)
+
+
+def _law(found: Evaluation, unit: str) -> dict[str, tuple[str, str]]:
+    if found.law is None:
+        return {}
+    readings = np.array([grip.onset.value for grip in found.grips])
+    widths, line = np.array([grip.width for grip in found.grips]), np.linspace(*found.law.readings, 60)
+    misses = np.array([found.law.law.gap(reading) for reading in readings]) - widths
+    spreads = [2 * found.law.opening(reading).deviation for reading in readings]
+    bars = [Series(BLUE, np.array((reading, reading)), 1e3 * np.array((miss - spread, miss + spread)), LINE)
+            for reading, miss, spread in zip(readings, misses, spreads)]
+    return {
+        'opening.svg': ('Opening law (blue) and the gauge blocks (orange).', _drawn(
+            [Series(BLUE, line, np.array([1e3 * found.law.law.gap(each) for each in line]), LINE),
+             Series(ORANGE, readings, 1e3 * widths)], f' {unit}', ' mm')),
+        'opening_residuals.svg': (
+            'Law minus width of the block (orange), with two standard deviations of the law (blue).',
+            _drawn([Series(VIOLET, line, np.zeros(line.shape), LINE), *bars, Series(ORANGE, readings, 1e3 * misses)],
+                   f' {unit}', ' mm'))}
+
+
+def _stops(found: Evaluation) -> dict[str, tuple[str, str]]:
+    curves = []
+    for colour, way in zip(POINT_COLOURS, StopWay):
+        stopped = np.array([1e3 * trial.stopped if trial.is_stopped else np.nan for trial in found.trials(way)])
+        known = np.isfinite(stopped)
+        curves.append(Series(colour, 1 + np.flatnonzero(known), stopped[known]))
+    return {'stops.svg': (
+        'Time from a stop to standstill in each trial: cancel (blue), goal at the present position (orange), goal to '
+        'open (green). Failed trials are left out.', _drawn(curves, '', ' ms'))} if any(
+            curve.x.size for curve in curves) else {}
+
+
+def _proof(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, str]]:
+    if not found.closes:
+        return {}
+    number, limit = np.arange(1, len(found.closes) + 1), plan.touch_force
+    curves = [Series(VIOLET, number, np.full(number.shape, level), LINE)
+              for level in (limit, limit + found.predicted_overshoot)]
+    curves += [Series(colour, number, np.array([close.forces[pad] for close in found.closes]))
+               for pad, colour in enumerate((BLUE, GREEN))]
+    curves.append(Series(ORANGE, number, limit + np.array([close.overshoot for close in found.closes])))
+    return {'proof.svg': (
+        'Force of each close: largest (orange), at rest on the left pad (blue) and on the right pad (green). The lines '
+        '(violet) are the force of the stop, and the predicted largest force.', _drawn(curves, '', ' N'))}
+
+
+def _pads(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, str]]:
+    colours = np.array([TAXEL_COLOURS[each] for each in TaxelFinding])
+    return {f'{name}_pad.svg': (
+        f'Taxels of the {name} pad, as its device counts the rows and columns: working (green), faulty (red), unknown '
+        '(grey).', _file(taxel_map(name, colours[taxels], plan.grid.pitch), PAD_WIDTH))
+        for name, taxels in zip(('left', 'right'), found.taxels)}
+
+
+def _drawn(curves: Sequence[Series], x_unit: str, y_unit: str) -> str:
+    """Return a chart of curves. Unlike `chart`, the axes begin at the smallest values, and x is no time."""
+    x_low, x_high = _range([curve.x for curve in curves])
+    y_low, y_high = _range([curve.y for curve in curves])
+
+    def place(x: Any, y: Any) -> tuple[Any, Any]:
+        return FRAME.place((x - x_low) / (x_high - x_low), (y - y_low) / (y_high - y_low))
+    paths = [(colour, LINE_WIDTH if gap else 1.6 * DOT_WIDTH, Markup(''.join(  # nosec B704: numbers
+        f'{"L" if gap and number else "M"}{x:.1f} {y:.1f}{"" if gap else "h0"}'
+        for number, (x, y) in enumerate(zip(*place(xs, ys)))))) for colour, xs, ys, gap in curves]
+    x_ticks = [(place(each, y_low)[0], f'{each:.4g}{x_unit}') for each in ticks(x_low, x_high)]
+    y_ticks = [(place(x_low, each)[1], f'{each:.4g}{y_unit}') for each in ticks(y_low, y_high)]
+    return _file(shared().chart(FRAME, x_ticks, y_ticks, paths), FRAME.width)
+
+
+def _range(values: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Return the range of all values with a margin."""
+    everything = np.concatenate(values)
+    margin = MARGIN * float(np.ptp(everything)) or 1.0
+    return float(everything.min()) - margin, float(everything.max()) + margin
+
+
+def _file(drawing: Markup, width: float) -> str:
+    """Return an SVG element of a page as the content of a file. ``width`` is in pixels."""
+    box = re.search(r'viewBox="\S+ \S+ (\S+) (\S+)"', drawing)
+    assert box is not None, 'the helpers give a viewBox'
+    size = f'width="{width:g}" height="{width * float(box[2]) / float(box[1]):.0f}"'
+    return str(drawing).replace('<svg ', f'<svg xmlns="http://www.w3.org/2000/svg" {size} ', 1)
