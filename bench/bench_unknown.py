@@ -1,6 +1,6 @@
 """Count how often a gripper holds objects whose mass, friction and strength it does not know.
 
-    python bench/bench_unknown.py --columns fixed:5,touch:5,hold:2,best --starts 300
+    python bench/bench_unknown.py --starts 300
     python bench/bench_unknown.py --columns fixed:4,fixed:5,fixed:6 --seed 1000 --starts 40 --output FILE   # tuning
 
 In each start, the gripper closes on an object, lifts it slowly for the first 15 mm, then faster up to 10 cm, shakes
@@ -57,14 +57,15 @@ def started(column: str, seed: int) -> dict:
     world, force = World(drawn.item, drawn.place), float(number or drawn.best_force)
     gripper = LockstepGripper(world, TouchSettings(**RULES, **(HOLD if kind == 'hold' else {})),
                               np.random.default_rng((50, seed)))
-    record = {'column': column, 'seed': seed, 'shape': drawn.name, 'need': drawn.need, 'strength': drawn.item.strength}
+    record = {'column': column, 'seed': seed, 'shape': drawn.name, 'need': round(drawn.need, 2),
+              'strength': round(drawn.item.strength, 2)}
     outcomes = _closed(gripper, drawn, kind, force)
-    record |= {'outcomes': [each.name for each in outcomes], 'closing': max(world.forces.values())}
+    record |= {'outcomes': [each.name for each in outcomes], 'closing': _strongest(world)}
     if kind in ('touch', 'hold') and not gripper.endings[0].succeeds:
-        return record | {'end': 'broken' if world.outcome is Outcome.BROKEN else 'gave up', 'at': world.now}
+        return record | {'end': 'broken' if world.outcome is Outcome.BROKEN else 'gave up'}
     gripper.is_watched = kind == 'hold'
     gripper.follow(REST)
-    record['at_lift'] = max(world.forces.values())
+    record['at_lift'] = _strongest(world)
     before, slid, moved_at, parts = world.item_in(SIDES[0]).translation, 0.0, 0.0, {}
 
     def is_over() -> bool:
@@ -82,12 +83,16 @@ def started(column: str, seed: int) -> dict:
             world.pull(PULL_SPEED, drawn.pull)
         begun = world.now
         gripper.follow(seconds, speed, is_over)
-        parts[part] = [round(1e3 * slid, 2), round(max(world.forces.values()), 2)]
+        parts[part] = [round(1e3 * slid, 2), _strongest(world)]
         if is_over() or (part == 'rest' and world.outcome is not Outcome.HELD):
             break
     end = world.outcome.value if world.outcome in (Outcome.HELD, Outcome.BROKEN) else 'dropped'
-    return record | {'end': end, 'at': world.now, 'slid_mm': 1e3 * slid, 'most': world.most_force, 'parts': parts,
+    return record | {'end': end, 'slid_mm': round(1e3 * slid, 2), 'most': round(world.most_force, 2), 'parts': parts,
                      'holds': [each.text for each in gripper.endings if each.is_hold]}
+
+
+def _strongest(world: World) -> float:
+    return round(max(world.forces.values()), 2)
 
 
 def _closed(gripper: LockstepGripper, drawn: UnknownObject, kind: str, force: float) -> list[Ending]:
@@ -164,10 +169,10 @@ def draw(found: dict[tuple[str, int], dict], columns: list[str], done: list[int]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--columns', default='fixed:5,touch:5,hold:2,best', metavar='NAME:FORCE,...')
+    parser.add_argument('--columns', default='fixed:6,touch:6,hold:4,best', metavar='NAME:FORCE,...')
     parser.add_argument('--starts', type=int, default=300, help='number of starts (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='first seed; tuning begins at 1000 (default: %(default)s)')
-    parser.add_argument('--output', type=Path, default=ROOT / 'build/unknown/starts.jsonl', metavar='FILE')
+    parser.add_argument('--output', type=Path, default=ROOT / 'bench/unknown_starts.jsonl', metavar='FILE')
     parser.add_argument('--plot', type=Path, metavar='PNG', help='draw the ends of all starts')
     args = parser.parse_args()
     columns, seeds, found = args.columns.split(','), range(args.seed, args.seed + args.starts), read(args.output)
