@@ -146,7 +146,10 @@ def compare(found: dict[tuple[str, int], dict], columns: list[str], done: list[i
     least = 0.0
     for number, (p, rival, only) in enumerate(sorted(tests)):
         least = min(1.0, max(least, (len(tests) - number) * p))
-        shown = 100 * float(norm.isf(0.05 / 2 / len(tests)) + norm.isf(0.2)) * (sum(only) / len(done)**2)**0.5
+        level = 0.05 / len(tests)
+        # 2 * 0.5**n is the p of n starts that only one column holds
+        needed = max(np.ceil(1 - np.log2(level)), float(norm.isf(level / 2) + norm.isf(0.2)) * sum(only)**0.5)
+        shown = 100 * needed / len(done)
         print(f'only hold holds {only[0]}, only {rival} holds {only[1]}: p = {least:.2g} (exact McNemar, Holm); '
               f'differences below {shown:.0f} points would not show (power 80 %)')
 
@@ -159,11 +162,15 @@ def draw(found: dict[tuple[str, int], dict], columns: list[str], done: list[int]
         records = [found[column, seed] for seed in done]
         for end, marker, colour in zip(ENDS, '.v^x', ('tab:green', 'tab:orange', 'tab:red', 'black')):
             points = [(each['need'], each['strength']) for each in records if each['end'] == end]
-            axes.plot(*np.reshape(points, (-1, 2)).T, marker, color=colour, label=f'{end} {len(points)}', markersize=5)
-        axes.set(title=column, xlabel='needed force [N]', xscale='log', yscale='log')
-        axes.legend(fontsize='small', loc='upper left')
+            axes.plot(*np.reshape(points, (-1, 2)).T, marker, color=colour, label=end, markersize=5)
+        held = sum(each['end'] == 'held' for each in records)
+        axes.set(title=f'{column}: {held} of {len(done)} held', xlabel='needed force [N]', xscale='log', yscale='log')
+        axes.set_xticks((0.5, 1, 2, 4), ('0.5', '1', '2', '4'))
+        axes.set_yticks((4, 10, 20, 40), ('4', '10', '20', '40'))
+        axes.minorticks_off()
         axes.grid(alpha=0.3)
     figure.axes[0].set_ylabel('force that breaks the object [N]')
+    figure.legend(*axes.get_legend_handles_labels(), loc='outside lower center', ncols=len(ENDS))
     figure.savefig(file, dpi=100)
 
 

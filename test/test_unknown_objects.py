@@ -30,6 +30,7 @@ def test_one_force_carries_each_object_with_the_margin_and_does_not_break_it():
 
 
 @physics
+@pytest.mark.long
 @pytest.mark.parametrize(('hold', 'outcome'), [(False, Outcome.DROPPED), (True, Outcome.HELD)])
 def test_a_pulled_object_is_held_only_if_the_force_rises(hold, outcome):
     """Friction needs 2 N on each pad for the weight, and 3 N under the pull. The gripper closes with 2.4 N."""
