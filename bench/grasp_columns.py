@@ -86,13 +86,8 @@ def _end(outcome: Outcome, is_refused: bool) -> str:
     return 'refused' if is_refused else Outcome.DROPPED.value
 
 
-def width(item: Item) -> float:
-    """Return the width of the item along the closing direction [m]."""
-    return 2 * item.face.reach if item.upright else item.length or 2 * item.face.reach
-
-
 def _blind(session: Session, item: Item) -> Record:
-    return {'ending': [session.drive(width(item) - SQUEEZE, effort=FORCE)]}
+    return {'ending': [session.drive(item.width - SQUEEZE, effort=FORCE)]}
 
 
 def _touch(session: Session, item: Item) -> Record:

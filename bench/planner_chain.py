@@ -11,7 +11,7 @@ from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.shape_messages import pad_shape
 from tactile_node.shape.methods import make_recogniser
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
+from tactile_node.taxel_frame import NO_SIDE, SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
 
 PITCH, UNIT = 0.002, 'Pa'
@@ -20,14 +20,14 @@ EPOCH = 1.7e9  #: [s]
 
 
 class _Pad:
-    def __init__(self, name: str, recogniser):
-        self._name, self._pipeline = name, ContactPipeline(recogniser)
+    def __init__(self, name: str, taxels: Taxels, recogniser):
+        self._name, self._taxels, self._pipeline = name, taxels, ContactPipeline(recogniser)
         self._sequence = 0
 
     def shape(self, values: np.ndarray, now: float) -> ContactShape:
         status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
         self._sequence += 1
-        frame = PadFrame.of(TaxelFrame(EPOCH + now, self._sequence, values, status, 0), Taxels(PITCH, UNIT),
+        frame = PadFrame.of(TaxelFrame(EPOCH + now, self._sequence, values, status, 0), self._taxels,
                             f'{self._name}_pad')
         result = self._pipeline.recognise(find_in(frame, self._pipeline), EPOCH + now)
         return pad_shape(frame, result, 'learned', 0.0).whole
@@ -36,9 +36,10 @@ class _Pad:
 class Chain:
     """Turns the frames of both pads into grasp messages. All times come from one steady clock [s]."""
 
-    def __init__(self) -> None:
+    def __init__(self, finger_ends: SkinSide = NO_SIDE) -> None:
         recogniser = make_recogniser('learned', '')
-        self._pads = {side: _Pad(side, recogniser) for side in SIDES}
+        taxels = Taxels(PITCH, UNIT, finger_ends=finger_ends)
+        self._pads = {side: _Pad(side, taxels, recogniser) for side in SIDES}
         self._gripper = Gripper(PadPose(), PadPose((0.0, 0.03, 0.0), (np.pi, 0.0, 0.0)))
         self._tracker = GraspTracker(GraspSettings(self._gripper))
         self._latest = {side: ContactShape() for side in SIDES}

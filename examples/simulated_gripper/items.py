@@ -37,6 +37,11 @@ class Item:
         return Transform(np.eye(3) if self.upright else lying, np.array((0.0, 0.0, PAD_HEIGHT)))
 
     @property
+    def width(self) -> float:
+        """Width along the closing direction [m]."""
+        return 2 * self.face.reach if self.upright else self.length or 2 * self.face.reach
+
+    @property
     def below(self) -> float:
         """Distance from the item's centre down to its lowest point, at rest [m]."""
         return self.length / 2 if self.upright else float(self.face.outline()[:, 1].max())
