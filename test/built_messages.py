@@ -189,8 +189,8 @@ def _build(package: str, folder: Path) -> None:
 def write_setup(names: list[str], folder: Path) -> Path:
     """Build the packages in ``folder``, and write a script that adds them to the environment of a shell.
 
-    The script leaves out a package that is installed. The script appends to the search paths, so that a package of a
-    ROS workspace is found first.
+    The script leaves out a package that is installed elsewhere. The script appends to the search paths, so that a
+    package of a ROS workspace is found first.
 
     Returns
     -------
@@ -199,7 +199,8 @@ def write_setup(names: list[str], folder: Path) -> Path:
     """
     lines = []
     for name in names:
-        if importlib.util.find_spec(name):
+        spec = importlib.util.find_spec(name)
+        if spec and spec.origin and not Path(spec.origin).is_relative_to(folder):
             continue
         modules = built(name, folder)
         prefix = modules.parents[2]

@@ -132,6 +132,7 @@ def gripper(ros, parallel):
 @pytest.mark.ros
 @pytest.mark.bus
 def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, gripper, parallel):
+    import rclpy
     found, hand = gripper
     recording = found.advance(0.5)
     assert all(len(pad.times) > 5 for pad in recording.pads) and len(recording.joint.times) > 5
@@ -173,9 +174,11 @@ def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, grippe
     found.cancel()
     until(lambda: found.others() == '')
 
-    second = ActionServer(hand.node, parallel, '/hand/gripper_cmd', lambda handle: None)
+    other = rclpy.create_node('other', start_parameter_services=False)  # no executor uses it while it is destroyed
+    second = ActionServer(other, parallel, '/hand/gripper_cmd', lambda handle: None)
     until(lambda: '2 servers' in found.others())
     second.destroy()
+    other.destroy_node()
     until(lambda: found.others() == '')
 
     hand.is_accepting = False

@@ -114,6 +114,9 @@ def test_the_driver_ends_with_the_process_that_is_named(bringup, parent):
 def test_a_planner_waits_for_a_grasp(tmp_path):
     with ExitStack() as stack:
         started(stack, 'tactile bringup --simulate', tmp_path / 'skin', PLANNER)
+        listener = started(stack, 'python examples/grasp_listener.py', tmp_path, PLANNER)
+        line = next(line for line in listener.stdout if 'mm' in line)
+        assert line.split(',')[0] in SHAPES
         deadline, found = time.monotonic() + TIMEOUT, ''
         # A busy machine may lose the grasp during the request. The planner reports the loss, and the test tries again.
         while not found:

@@ -46,6 +46,7 @@ RULES = (
     Rule(r'^python bench/', Kind.MINUTES, 'make bench'),
     Rule(r'^python -m training', Kind.MINUTES, 'make train'),
     Rule(r'^python examples/shape_listener.py', Kind.TESTED, 'test/test_tutorial.py'),
+    Rule(r'^python examples/grasp_listener.py', Kind.TESTED, 'test/test_tutorial.py'),
     Rule(r'^python examples/other_skin.py', Kind.TESTED, 'test/test_other_skin.py'),
     Rule(r'^python3? examples/planner_client.py', Kind.TESTED, 'test/test_planner_client.py'),
     Rule(r'^python -m examples.simulated_gripper', Kind.MINUTES, 'by hand, because it needs MuJoCo'),

@@ -23,6 +23,8 @@ from examples.simulated_gripper.world import AIM, World, random_place
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions, interruption
 
+REMEDY = 'make messages; source build/messages/setup.bash'
+
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='simulated_gripper', description=__doc__,
@@ -56,9 +58,9 @@ def _serve(world: World, args: argparse.Namespace) -> int:
     with interruption() as stop_requested, Bench(world, args.link, args.seed or 0) as bench:
         print(f'Simulated gripper with {args.item}, skin at {bench.port}, joint states at /joint_states, '
               f'target poses of the hand from /{TARGET}, '
-              + ('frames on /tf, ' if HAS_TF else 'no frames: tf2_msgs is not installed (make messages), ')
+              + ('frames on /tf, ' if HAS_TF else f'no frames: tf2_msgs is not found ({REMEDY}), ')
               + ('action /hand/gripper_cmd' if HAS_ACTION
-                 else 'no action: control_msgs is not installed (make messages)') + f'\n{HELP}', flush=True)
+                 else f'no action: control_msgs is not found ({REMEDY})') + f'\n{HELP}', flush=True)
         gc.freeze()  # a full garbage collection would delay a sweep
         threading.Thread(target=_read, args=(world,), name='console', daemon=True).start()
         while not stop_requested.wait(0.2) and not bench.failures:

@@ -44,9 +44,11 @@ class FirstGrasp(Node):
         target.header.frame_id, target.pose.position.z, target.pose.orientation.w = TABLE, LIFTED, 1.0
         self.hand.publish(target)
 
-    def is_ready(self) -> bool:
-        """True if all programs are found and the pads are read."""
-        return self.gripper.is_ready and self.hand.get_subscription_count() > 0 and self.grasp.fresh
+    def missing(self) -> list[str]:
+        """Return the programs that are not found yet."""
+        found = {'touch_gripper': self.gripper.is_ready, 'the gripper': self.hand.get_subscription_count() > 0,
+                 'a fresh grasp of the perception': self.grasp.fresh}
+        return [name for name, is_there in found.items() if not is_there]
 
     def is_held(self) -> bool:
         return self.grasp.fresh and self.grasp.stable and self.grasp.contact == Grasp.TWO_SIDED
@@ -68,21 +70,24 @@ def main() -> int:
 
 
 def _grasp(planner: FirstGrasp) -> int:
-    if not planner.spin(START_TIMEOUT, planner.is_ready):
-        print('first_grasp: expected the gripper, the pads and touch_gripper, found not all of them. Start them: '
+    if not planner.spin(START_TIMEOUT, lambda: not planner.missing()):
+        print(f'first_grasp: expected {" and ".join(planner.missing())}, found none. Start it: '
               'docs/howto/simulated_gripper.md', file=sys.stderr)
         return 2
+    print(f'first_grasp: closing in {LISTENING:g} s', flush=True)
     planner.spin(LISTENING)
     goal = planner.gripper.send(0.0, effort=EFFORT)
     outcome = planner.gripper.wait(goal, CLOSE_TIMEOUT, spin=True).outcome
     if outcome is None or outcome.outcome != GripperOutcome.FORCE_REACHED:
-        print(f'first_grasp: not closed: {outcome.message if outcome else "the outcome was lost"}', file=sys.stderr)
+        text = outcome.message if outcome else 'the outcome was lost'
+        print(f'first_grasp: no item is held: {text}. Type `open` and `place 0` into the shell of the gripper, and '
+              'try again.', file=sys.stderr)
         return 1
     planner.lift()
     planner.spin(LIFT_TIME)
     is_held, grasp = planner.spin(STABLE_TIMEOUT, planner.is_held), planner.grasp
-    print(f'{"held" if is_held else "not held"}: {grasp.class_name}, {1e3 * grasp.width:.1f} mm wide, pads press '
-          f'{grasp.forces[0]:.1f} and {grasp.forces[1]:.1f} N')
+    print(f'{"held" if is_held else "not reported as held"}: {grasp.class_name}, {1e3 * grasp.width:.1f} mm wide, '
+          f'pads press {grasp.forces[0]:.1f} and {grasp.forces[1]:.1f} N')
     return 0 if is_held else 1
 
 

@@ -129,7 +129,8 @@ def gripper_interface(name: str, joint: str) -> GripperInterface:
         from control_msgs import action
     except ImportError:
         raise ConfigurationError('control_msgs', expected='the package with the gripper actions', got='none',
-                                 remedy='Run apt install ros-$ROS_DISTRO-control-msgs.') from None
+                                 remedy='Run apt install ros-$ROS_DISTRO-control-msgs, or, without a ROS installation, '
+                                 'make messages; source build/messages/setup.bash.') from None
     return _Parallel(action.ParallelGripperCommand, joint) if name == PARALLEL else _Single(action.GripperCommand)
 
 
