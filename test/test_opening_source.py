@@ -3,6 +3,7 @@
 The grippers have the dimensions in their makers' drawings. Each expected number is computed by hand.
 """
 
+import logging
 from math import inf, isinf, isnan, nan
 
 import numpy as np
@@ -127,7 +128,8 @@ def test_a_malformed_joint_state_is_dropped_and_counted(gripper, names, position
     assert gripper.counts.dropped == {reason: 2}
 
 
-def test_diagnostics_report_the_opening_and_what_was_dropped(gripper):
+def test_diagnostics_report_the_opening_and_what_was_dropped(gripper, caplog):
+    caplog.set_level(logging.INFO)
     seen = []
     gripper.publishing.create_subscription(DiagnosticArray, '/diagnostics', lambda array: seen.extend(array.status), 10)
     gripper.make(**KNUCKLE)
@@ -147,6 +149,8 @@ def test_diagnostics_report_the_opening_and_what_was_dropped(gripper):
     assert values['source'] == 'not_known' and int(values['dropped_missing_joint']) > 0
     state = ['knuckle'], [0.5]
     values = wait_for(DiagnosticStatus.OK)
+    logged = [record.getMessage() for record in caplog.records if 'opening of the gripper' in record.getMessage()]
+    assert 'is not known' in logged[0] and logged[-1] == 'the opening of the gripper is known: 35.0 mm'
     assert values['gap_m'] == '0.0350' and values['source'] == 'joint_states' and float(values['age_s']) < LIMIT
 
 
