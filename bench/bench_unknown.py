@@ -3,13 +3,13 @@
     python bench/bench_unknown.py --starts 300
     python bench/bench_unknown.py --columns fixed:4,fixed:5,fixed:6 --seed 1000 --starts 40 --output FILE   # tuning
 
-In each start, the gripper closes on an object, lifts it slowly for the first 15 mm, then faster up to 10 cm, shakes
-it, and a spring pulls the object down. The number of a column is its closing force [N]:
+In each start, the gripper closes on an object, lifts it slowly for the first 15 mm, then faster up to 10 cm, and shakes
+it. A spring then pulls the object down. The number of a column is its closing force [N]:
 
-- fixed: the gripper's own action closes with this force, which the simulated gripper limits without error.
+- fixed: the gripper's own action closes with this force, which the motor limits without error.
 - touch: the rules of touch_gripper close until a pad reads this force.
 - hold: the rules close as in touch, then keep the force and raise it when the object slides.
-- best: as fixed, but with a force that is chosen with knowledge of the object. This column is a bound.
+- best: as fixed, but with a force that is chosen with knowledge of the object. This column is an upper bound.
 
 The rules, the recognition and the physics run in lockstep, so the results do not depend on the speed of the machine.
 Each start depends only on its seed. A repeated call continues where the file ends. The benchmark needs MuJoCo.
@@ -40,11 +40,11 @@ RULES = {'widest': 0.085, 'stiffness': 1000.0, 'latency': 0.1, 'fast_speed': 0.0
 HOLD = {'hold': True, 'slide_force_step': 1.0, 'hold_travel': 0.02}
 SPEED = 0.01          #: closing speed of all columns until the first touch [m/s]
 CLEARANCE = 0.01      #: opening from which the gripper closes, beyond the largest width of the object [m]
-PATIENCE = 10.0       #: longest time for the gripper's own action [s]; a rocking object never ends the action
+PATIENCE = 10.0       #: longest time for the gripper's own action [s]; the action does not end while the object rocks
 REST = 0.5            #: pause after each part of a start [s]
 SLOW, FAST = (0.005, 3.0), (0.05, 1.7)  #: speeds [m/s] and durations [s] of both parts of the lift
-PULL_SPEED, PULL_TIME = 0.005, 6.0      #: of the end of the spring [m/s], [s]
-STANDS, STILL = 2.0, 5e-5               #: a pull ends early if the object stands for this time [s], to this length [m]
+PULL_SPEED, PULL_TIME = 0.005, 6.0      #: speed of the spring's end [m/s], and its duration [s]
+STANDS, STILL = 2.0, 5e-5               #: a pull ends early after this time [s] without more slide than this [m]
 TRIES = 4             #: largest number of goals to close in a start
 AGAIN = (Ending.NOT_SEEN, Ending.FORCE_NOT_KNOWN, Ending.LOST)  #: outcomes after which the gripper closes again
 ENDS = ('held', 'dropped', 'broken', 'gave up')
@@ -147,7 +147,7 @@ def compare(found: dict[tuple[str, int], dict], columns: list[str], done: list[i
     for number, (p, rival, only) in enumerate(sorted(tests)):
         least = min(1.0, max(least, (len(tests) - number) * p))
         level = 0.05 / len(tests)
-        # 2 * 0.5**n is the p of n starts that only one column holds
+        # if the same column alone holds n starts, p is 2 * 0.5**n
         needed = max(np.ceil(1 - np.log2(level)), float(norm.isf(level / 2) + norm.isf(0.2)) * sum(only)**0.5)
         shown = 100 * needed / len(done)
         print(f'only hold holds {only[0]}, only {rival} holds {only[1]}: p = {least:.2g} (exact McNemar, Holm); '

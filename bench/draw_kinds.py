@@ -3,8 +3,8 @@
     python bench/draw_kinds.py [--frames FOLDER] [--answers FILE] [--before FILE] [--picture FILE]
 
 `--frames` saves the frames of each kind, so that an earlier version can classify the same frames. `--answers` writes
-the counts, and `--before` reads such a file of an earlier version, whose counts the picture then also shows. Each frame
-is classified alone. No frame comes from a real array, and no frame trains a network.
+the counts. `--before` reads the counts of an earlier version, and the picture then also shows them. Each frame is
+classified alone. No frame comes from a real array, and no frame is used for training.
 """
 
 import argparse
@@ -137,7 +137,7 @@ def fragment_of_an_uneven_object(rng):
     return np.round(120 * covered(pad, inside, 0.6) * np.exp(0.9 * uneven / uneven.std()))
 
 
-#: For each kind, the answers that are right. Without a name, a planner does not act.
+#: Right answers for each kind. A planner does not act on the answer 'unknown'.
 KINDS = {
     block_with_halo: ('square',), block_on_uneven_gains: ('square',), few_taxels: ('circle', 'unknown'),
     speckled_square: ('square',), arch: ('unknown',), weaker_part_beside_a_peak: ('unknown', 'square'),

@@ -106,7 +106,7 @@ class LockstepGripper:
         return self.endings[0].outcome
 
     def follow(self, seconds: float = inf, lift_speed: float = 0.0, until: Callable[[], bool] = lambda: False) -> None:
-        """Advance physics and rules until the time is over or ``until`` returns True."""
+        """Advance the physics and the rules for ``seconds``, or until ``until`` returns True."""
         end = self.world.now + seconds - STEP / 2
         while self.world.now < end and not until():
             for _ in range(round(LOOK / STEP)):

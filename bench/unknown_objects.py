@@ -1,7 +1,7 @@
-"""Draw objects of which a planner knows the width to 5 mm only, and neither the mass, the friction nor the strength.
+"""Draw objects whose width a planner knows to 5 mm, and whose mass, friction and strength the planner does not know.
 
 The distribution was fixed before the first run of bench_unknown.py. The shapes are those of the simulated gripper's
-items. For each object, a force of at most MOST_FORCE carries MARGIN times the largest load and does not break it.
+items. For each object, a force of at most MOST_FORCE carries MARGIN times the largest load without breaking the object.
 """
 
 from dataclasses import replace
@@ -21,7 +21,7 @@ PULL = (0.5, 2.0)        #: force that pulls the object down, drawn uniformly [w
 WIDTH_ERROR = 0.005      #: largest error of the known width [m]
 SHAKE = 1.0              #: acceleration of the shake [g]
 MOST_FORCE = 9.0         #: largest force of a pad that any gripper of the benchmark uses [N]
-MARGIN = 1.5             #: smallest load that a feasible force carries [largest load]
+MARGIN = 1.5             #: load that the allowed force carries at least [largest load]
 
 
 class UnknownObject(NamedTuple):
@@ -41,7 +41,7 @@ class UnknownObject(NamedTuple):
 
     @property
     def best_force(self) -> float:
-        """Force of each pad with equal factors to the needed and to the allowed force [N]."""
+        """Force of each pad, the geometric mean of the needed and the allowed force [N]."""
         return float(np.sqrt(self.need * self.allowed))
 
 

@@ -12,11 +12,11 @@ from rclpy.node import Node
 from tactile_node.grasp.trust import Doubt, doubt
 from tactile_skin.msg import Grasp
 
-PERIOD = 0.05  #: Period of the checks, which also notice that no grasp arrives any more [s].
+PERIOD = 0.05  #: Period of the checks [s]. The checks also detect that grasps have stopped arriving.
 
 
 class GraspListener(Node):
-    """Prints a line whenever the object changes, or the reason why a planner must not act."""
+    """Prints the held object, or the reason why a planner must not act, whenever one of them changes."""
 
     def __init__(self):
         super().__init__('grasp_listener')

@@ -133,7 +133,7 @@ class SimulatedPerson:
                 time.sleep(0.18)
 
 
-#: Parameters of the driver with which the processes leave time to a machine of two cores.
+#: Parameters with which the driver works on a busy machine with two cores.
 SLOW = '''/**/skin_driver:
     ros__parameters:
         sync_period: 0.07

@@ -250,7 +250,7 @@ class Session(Process):
 def first_movement(ros, folder, hand):
     """Return a session in its first movement.
 
-    If a busy machine delays the frames of the pads, a session ends, and the next one continues its record.
+    If a busy machine delays the frames of the pads, a session ends, and the next session continues its record.
     """
     while True:
         session = Session(ros, '--output', str(folder), '--action', '/hand/gripper_cmd')
@@ -304,9 +304,10 @@ def test_the_command_refuses_while_another_client_has_a_live_goal(ros, parallel,
 @pytest.mark.usefixtures('ros', 'control_msgs')
 @pytest.mark.parametrize(('truth', 'delay'), [('as built', 0.04), ('swapped', 0.1), ('mirrored', 0.02)])
 def test_a_person_commissions_a_simulated_gripper(tmp_path, monkeypatch, truth, delay):
-    """The truth comes from the model: each pad presses with the effort, and a command takes effect after DELAY.
+    """The truth comes from the model: each pad presses with the effort, and a command takes effect after ``delay``.
 
-    The launch file starts the driver. In the last case, it gets the parameters found, and a check finds no change.
+    The driver gets its arguments from the launch file. In the last case, the driver then gets the measured parameters,
+    and a check finds no change.
     """
     put_stand_ins(monkeypatch)
     pads = 'right,left' if truth == 'swapped' else 'left,right'

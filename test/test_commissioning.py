@@ -449,7 +449,7 @@ def test_the_poses_of_the_pads_bring_the_prints_of_a_block_to_one_line():
 
 @pytest.mark.parametrize('mirrored', [('left',), ('right',), ('left', 'right')])
 def test_a_mirrored_pad_gives_the_right_grasp_with_the_parameters_found(tmp_path, mirrored):
-    """A block lies off the centre between two mirrored and turned pads, whose devices send what they feel."""
+    """A block lies off the centre between two turned pads, of which one or both are mirrored."""
     mountings = [PadMounting(1, 'left' in mirrored), PadMounting(2, 'right' in mirrored)]
     record = CommissioningRecord(tmp_path / 'record.json')
     record.save('pads', {'order': [0, 1], 'mountings': mountings, 'taxels': np.ones((2, 16, 16), int)})

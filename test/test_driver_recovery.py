@@ -73,7 +73,7 @@ def test_a_device_that_is_gone_is_never_ok_nor_operational(chain):
     chain.until(lambda: len(chain.levels) >= seen + 4, 'no diagnostics')
     # The first message may still describe the time before the outage.
     assert all(levels[1] != OK for levels in chain.levels[seen + 1:]), chain.levels[seen:]
-    # While the bus still delivers taxels late, the report says that they have no heartbeat.
+    # While late taxels still arrive, the report states only that the heartbeat is missing.
     chain.until(lambda: 'neither heartbeat nor taxels' in chain.reports[-1], 'no report of the silence')
     assert chain.levels[-1][1] == ERROR
     # The status of the same time may arrive after the diagnostics.

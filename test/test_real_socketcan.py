@@ -142,7 +142,7 @@ def test_nothing_is_lost_between_linux_and_the_driver(layout, nodes):
         print(f'\nsocketcan: {layout} on vcan: {sent} TPDOs sent, all received')
 
 
-#: A process that sends as many numbered CAN frames as each line asks for.
+#: Program that reads a number from each line, and then sends this many numbered CAN frames.
 SENDER = """
 import socket, struct, sys
 bus = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)

@@ -45,7 +45,7 @@ class FirstGrasp(Node):
         self.hand.publish(target)
 
     def missing(self) -> list[str]:
-        """Return the programs that are not found yet."""
+        """Return the names of the programs and data that are still missing."""
         found = {'touch_gripper': self.gripper.is_ready, 'the gripper': self.hand.get_subscription_count() > 0,
                  'a fresh grasp of the perception': self.grasp.fresh}
         return [name for name, is_there in found.items() if not is_there]
@@ -71,8 +71,8 @@ def main() -> int:
 
 def _grasp(planner: FirstGrasp) -> int:
     if not planner.spin(START_TIMEOUT, lambda: not planner.missing()):
-        print(f'first_grasp: expected {" and ".join(planner.missing())}, found none. Start it: '
-              'docs/howto/simulated_gripper.md', file=sys.stderr)
+        print(f'first_grasp: expected {" and ".join(planner.missing())}, found none. Start the '
+              'missing programs: docs/howto/simulated_gripper.md', file=sys.stderr)
         return 2
     print(f'first_grasp: closing in {LISTENING:g} s', flush=True)
     planner.spin(LISTENING)

@@ -22,13 +22,13 @@ DROPS = slice(4 * 8, 4 * 9)  # the drop count in the answer to SO_MEMINFO
 class SocketBuffer:
     """Enlarges the receive buffer of a bus, and counts the CAN frames that the kernel has dropped from it.
 
-    The kernel reports the same count with each frame if SO_RXQ_OVFL is set, but python-can accepts no other information
-    beside a frame than its stamp.
+    With the option SO_RXQ_OVFL, the kernel would add the same count to each frame. The class does not use this option,
+    because python-can reads only the stamp of a frame.
 
     Parameters
     ----------
     bus : can.BusABC
-        Open bus. Nothing is done or counted for a bus that has no socket.
+        Open bus. If the bus has no socket, the class changes nothing, and the count stays 0.
     """
 
     def __init__(self, bus: can.BusABC):

@@ -95,7 +95,7 @@ def _readings(args: argparse.Namespace) -> Readings:
 
 
 def _of_array(args: argparse.Namespace) -> Readings:
-    if not args.recording.endswith('.npz'):  # only such an archive contains the pitch
+    if not args.recording.endswith('.npz'):  # only an .npz archive contains the pitch
         check_pitch(args.pitch)
     found = read_frames(args.recording)
     pitch: float = found.pitch if args.pitch is None else args.pitch  # type: ignore[assignment]  # checked below

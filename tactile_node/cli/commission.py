@@ -77,7 +77,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     tools.add_argument('--skip', type=names, default=[], metavar='STEP,...', help='steps to leave out: '
                        'foam, block, step, weight, proof. Steps that need them are left out too, and the values of all '
                        'these steps are missing')
-    skin = parser.add_argument_group('skin', 'Both measurements need an unloaded pad.')
+    skin = parser.add_argument_group('skin', 'Nothing may touch the pad when a recording begins.')
     add_number(skin, '--disc', limits={'above': 0, 'unit': 'm'}, metavar='RADIUS', help='press a flat disc of this '
                'radius [m] for `tactile calibrate`, before the gripper moves (default: left out)')
     skin.add_argument('--shapes', type=names, default=[], metavar='NAME,...', help='touch the pad with these objects '
@@ -118,7 +118,8 @@ def run(args: argparse.Namespace) -> int:
             if measure_skin(gripper, person, plan.pads[0], record, folder, args.disc, args.shapes):
                 _write_results(plan, record, folder, person)
                 raise ConfigurationError('driver', expected='the response of the skin', got='none', remedy='Start the '
-                                         f'driver with params_file:={folder}/parameters.yaml, and this command again.')
+                                         f'driver with params_file:={folder}/parameters.yaml, then start this command '
+                                         'again.')
         return _commission(gripper, person, plan, record, folder, args.skip)
 
 

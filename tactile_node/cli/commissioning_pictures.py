@@ -71,7 +71,7 @@ def _proof(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, s
     curves.append(Series(ORANGE, number, limit + np.array([close.overshoot for close in found.closes])))
     return {'proof.svg': (
         'Force of each close: largest (orange), at rest on the left pad (blue) and on the right pad (green). The lines '
-        '(violet) are the force of the stop, and the predicted largest force.', _drawn(curves, '', ' N'))}
+        '(violet) show the force of the stop, and the predicted largest force.', _drawn(curves, '', ' N'))}
 
 
 def _pads(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, str]]:
@@ -83,7 +83,7 @@ def _pads(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, st
 
 
 def _drawn(curves: Sequence[Series], x_unit: str, y_unit: str) -> str:
-    """Return a chart of curves. Unlike `chart`, the axes begin at the smallest values, and x is no time."""
+    """Return a chart of curves. Unlike in `chart`, the axes begin at the smallest values, and x is not a time."""
     x_low, x_high = _range([curve.x for curve in curves])
     y_low, y_high = _range([curve.y for curve in curves])
 

@@ -1,6 +1,6 @@
-"""Record touches of a pad during a commissioning, and file what `tactile calibrate` and `tactile assess` find in them.
+"""Record touches of a pad during a commissioning, and save the results of `tactile calibrate` and `tactile assess`.
 
-Both commands read the same recordings, so a recording that exists is offered again.
+Both commands can read the same recording, so the person may use an existing recording again.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from tactile_node.taxel_frame import TaxelFrame
 
 DISC = 'circle'  #: name under which `tactile assess` knows the disc of `tactile calibrate`
 HOW = {DISC: 'Press the flat disc onto the pad {pad} at six or more places, lightly and firmly.',
-       'unknown': 'Touch the pad {pad} 8 times or more, each time with another object of any other shape.'}
+       'unknown': 'Touch the pad {pad} 8 times or more, each time with a different object of an unknown shape.'}
 OTHERS = 'Touch the pad {pad} 8 times or more with the object {name!r}. Rotate the object between the touches.'
 ENDING = ' Keep away from the edges, and lift the object between the touches.'
 
@@ -42,7 +42,7 @@ def measure_skin(gripper: RosGripper, person: Person, pad: str, record: Commissi
     Returns
     -------
     bool
-        True if the driver does not use the response that was found, so that its forces are not those of the parameters.
+        True if the driver does not use the measured response yet, so that its forces do not match the parameters.
 
     Raises
     ------

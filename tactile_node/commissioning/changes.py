@@ -24,7 +24,7 @@ CLEAR_PATTERN = 10.0  #: Spread of a zero over the taxels that identifies a pad 
 RATE_CHANGE = 0.05    #: Change of a rate or a speed that is reported.
 SPEED_SIGMAS = 3.0    #: Change of the speed that is reported [standard deviations].
 PHASE = 1.2           #: Change of a time that the phase of the samples may cause [periods].
-FALSE_ALARM = 0.01    #: Largest chance that an unchanged gripper shows a later start, or a later stop.
+FALSE_ALARM = 0.01    #: Largest probability that an unchanged gripper exceeds a limit.
 
 
 class Change(Enum):
@@ -32,7 +32,7 @@ class Change(Enum):
 
     PADS_SWAPPED = 'the pads are swapped'
     PAD_TURNED = 'the pad is mounted in another way'
-    PAD_EXCHANGED = 'the pad was exchanged (or, without a serial number, each of its taxels has drifted)'
+    PAD_EXCHANGED = 'the pad was exchanged (or, without a new serial number, each of its taxels has drifted)'
     ZERO_DRIFTED = 'the zero has drifted'
     TAXEL_LOST = 'a taxel is gone'
     FRAME_RATE = 'the frame rate is different'
@@ -58,8 +58,8 @@ class Finding(NamedTuple):
 def find_changes(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan) -> list[Finding]:
     """Return the changes between two records that contain the steps COMPARED.
 
-    A pad is identified by its serial number, and by the pattern of its zero over the taxels. After a tare, the zero has
-    no pattern, so an exchanged pad is then found only by its serial number.
+    The function identifies a pad by its serial number and by the pattern of its zero over the taxels. After a tare, the
+    zero has no pattern, so only a different serial number then shows an exchanged pad.
 
     Parameters
     ----------
@@ -181,9 +181,10 @@ def _changes_of_gripper(first: CommissioningRecord, check: CommissioningRecord, 
 
 
 def largest_expected(before: Sequence[float], groups: Sequence[Sequence[float]], period: float, count: int) -> float:
-    """Return the time that the largest of new times exceeds with a chance of at most FALSE_ALARM.
+    """Return the limit for the largest of ``count`` new times.
 
-    The result depends on both numbers of trials, so a few trials may be compared with many.
+    An unchanged gripper exceeds the limit with a probability of at most FALSE_ALARM. The limit takes into account the
+    number of trials before and now, so a few trials may be compared with many.
 
     Parameters
     ----------
@@ -204,5 +205,5 @@ def largest_expected(before: Sequence[float], groups: Sequence[Sequence[float]],
 
 
 def _later(change: Change, where: str, before: float, now: float) -> Finding:
-    """Return the finding that a time now exceeds the largest time that the first commissioning lets expect [s]."""
+    """Return the finding that the time ``now`` [s] exceeds the limit ``before`` [s]."""
     return Finding(change, where, f'at most {1e3 * before:.0f} ms', f'at least {1e3 * now:.0f} ms')

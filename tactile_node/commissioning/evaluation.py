@@ -349,7 +349,7 @@ def _limited(name: str, estimate: Estimate, unit: str, limit: float) -> Measurem
 
 
 def _bound(name: str, bound: float, unknown: str = NOT_DONE) -> Measurement:
-    """Return the line of an upper bound [s]; ``unknown`` is the reason if it is not known."""
+    """Return the line of an upper bound [s]; ``unknown`` is the reason if the bound is not known."""
     if not math.isfinite(bound):
         return Measurement(name, NOT_MEASURED, 's', Verdict.UNKNOWN, unknown)
     return Measurement(name, Estimate(bound, 0.0), 's', Verdict.PASS if bound <= MOST_LATENCY else Verdict.FAIL,

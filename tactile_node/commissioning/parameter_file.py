@@ -111,7 +111,7 @@ def _add_closing(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found
 
 
 def pad_poses(grid: PadGrid, mountings: list[PadMounting], alignment: PadAlignment) -> dict[str, list[float]]:
-    """Return xyz and rpy of taxel (0, 0) of both pads in FRAME, with mirrored pads as the driver mirrors them."""
+    """Return xyz and rpy of taxel (0, 0) of both pads in FRAME, after the driver has mirrored the mirrored pads."""
     x, y, turn, tilt_x, tilt_y = (each.value for each in alignment)
     facing = _about_y(-tilt_x) @ _about_x(tilt_y) @ _about_z(turn) @ np.diag((-1.0, 1.0, -1.0))
     poses: dict[str, list[float]] = {}

@@ -31,8 +31,8 @@ ALIKE_CORRELATION = 0.45
 #: Smallest spread of the readings on an evenly pressed pad, as a share of their mean. The gains of real taxels differ
 #: by at least this much.
 EVEN_SHARE = 0.05
-#: Spread of the readings, as a share of their mean, above which the array may be covered after the first frame, too.
-#: The levels at rest of a usable array differ by less.
+#: Spread of the readings, as a share of their mean, above which a later frame than the first may also show a covered
+#: array. The levels at rest of a usable array differ by less.
 UNEVEN_SHARE = 0.2
 #: Smallest correlation between successive frames under a load. Noise at rest is independent from frame to frame.
 LASTING_CORRELATION = 0.5

@@ -64,7 +64,7 @@ class _Position(NamedTuple):
 class RosGripper:
     """A `CommissionedGripper` on ROS. Another thread has to spin the node.
 
-    The forces are given as the device counts its columns: columns that the driver mirrors are mirrored back. A
+    The columns of the forces are those of the device: if the driver mirrors the columns, the class mirrors them back. A
     commissioning therefore finds the same mounting before and after its parameters are applied.
 
     The heartbeat of touch_gripper is sent as well, so a touch_gripper on the same action does not close meanwhile.
@@ -108,7 +108,7 @@ class RosGripper:
         self._live: frozenset[bytes] = frozenset()  # IDs of the live goals of all clients
         self._answers: list[Any] = []      # futures of the last commands
         self._refusal = ''
-        self.tap: list[TaxelFrame] | None = None  #: list to which the frames of the first pad are added, as published
+        self.tap: list[TaxelFrame] | None = None  #: list for the published frames of the first pad, or None
         self._first: list[TaxelArray | None] = [None for _ in pads]
         self._client = ActionClient(node, self._interface.action, action)
         self._watch = DuplicateWatch(node, (f'{action}/touch_gripper',), steady=steady)
@@ -116,7 +116,7 @@ class RosGripper:
                                                 qos_profile_action_status_default)
         self._states = node.create_subscription(JointState, joint_states, self._on_state, qos_profile_sensor_data)
         self._diagnostics = node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
-        self._facts: list[dict[str, str]] = [{}, {}]  # values of the pads on /diagnostics; empty for another driver
+        self._facts: list[dict[str, str]] = [{}, {}]  # values on /diagnostics; empty if not our driver
         self._taxels = [GuardedSubscription(node, TaxelArray, f'{pad}/taxels', partial(self._on_taxels, number),
                                             frames_qos(MOST_WAITING), check=check_taxel_array, steady=steady)
                         for number, pad in enumerate(pads)]

@@ -99,7 +99,7 @@ class MeasuredOpening:
     """Base class of opening sources that read messages.
 
     The source publishes its state on /diagnostics once a second. While the opening is not known, the source logs a
-    warning at increasing intervals. Then it logs once that the opening is known.
+    warning at increasing intervals. If the opening becomes known after a warning, the source logs that once.
 
     Parameters
     ----------

@@ -102,8 +102,8 @@ class DriverSettings(NodeSettings):
     eds: tuple[str, ...] = parameter(('',), 'EDS of each pad, or one EDS for all pads; empty: the name of the layout '
                                      'with the suffix .eds')
     mirrored_pads: tuple[str, ...] = parameter(('',), 'names of the pads whose columns run in the other direction than '
-                                               'in their layout; gain files and faulty_taxels_file then count the '
-                                               'columns in this direction too; empty: none')
+                                               'in their layout; for these pads, gain files and '
+                                               'faulty_taxels_file count the mirrored columns; empty: none')
     frame_ids: tuple[str, ...] = parameter(('',), 'frame of each pad (origin at taxel (0, 0), x along columns, z '
                                            'outwards); empty: <name>_pad')
     frame_prefix: str = parameter('', FRAME_PREFIX)

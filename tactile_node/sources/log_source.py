@@ -117,7 +117,7 @@ class LogSource:
         Raises
         ------
         LogError
-            Raised if the log cannot be read, cannot be played to its end, or if a taxel frame could not be processed.
+            Raised if the log cannot be read to its end, or if a taxel frame could not be processed.
         """
         self.open()
         self._is_active = True

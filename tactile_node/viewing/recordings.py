@@ -1,6 +1,6 @@
 """Recordings that a view plays and a report describes: a bag of published taxel arrays, or a CAN log.
 
-A log is assembled as in the driver.
+The frames of a log are assembled as in the driver.
 """
 
 import math
@@ -22,11 +22,11 @@ from tactile_node.skin.pads import PadSettings, identities_of
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
 
-FACTS_PERIOD = 0.5  #: period at which the bus state is read [s], in log time for a log
+FACTS_PERIOD = 0.5  #: period, in log time, at which the bus state is read [s]
 
 
 class Sink(Protocol):
-    """Takes everything that is read from a recording."""
+    """Receives everything that a recording contains."""
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
         """Add a frame, or return False without adding it if its geometry differs from the pad's first frame."""
@@ -142,7 +142,7 @@ class LogRecording:
     any_device
         True if the taxels are read even if they may come from another device.
     contradictions
-        Contradiction by name of the pad.
+        Contradiction that was found for each pad, by name of the pad.
     source
         Source of the frames, whose facts can be read at any time.
     """
