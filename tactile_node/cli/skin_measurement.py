@@ -54,14 +54,14 @@ def measure_skin(gripper: RosGripper, person: Person, pad: str, record: Commissi
             raise ConfigurationError('--disc', expected='a driver without response_files', got='one that uses them',
                                      remedy='Start the driver without response_files, or leave --disc out.')
         response = folder / f'skin{calibrate.RESPONSE_SUFFIX}'
-        text = _printed(calibrate, [_recording(gripper, person, pad, folder, DISC), '--radius', f'{radius:.6g}',
-                                    '--output', str(response), '--force'])
+        recording = _recording(gripper, person, pad, folder, DISC, f'the disc with a radius of {1e3 * radius:g} mm')
+        text = _printed(calibrate, [recording, '--radius', f'{radius:.6g}', '--output', str(response), '--force'])
         record.save('response', {'file': str(response.resolve()), 'text': text})
     if names and 'assessment' not in record:
         model = folder / 'skin_model.npz'
         model.unlink(missing_ok=True)
         words = [word for name in names
-                 for word in ('--name', name, '--from', _recording(gripper, person, pad, folder, name))]
+                 for word in ('--name', name, '--from', _recording(gripper, person, pad, folder, name, name))]
         text = _printed(assess, [*words, '--output', str(model)])
         record.save('assessment', {'file': str(model.resolve()) if model.exists() else '', 'text': text})
     return 'response' in record and not gripper.first_frame.layer_depth
@@ -77,10 +77,11 @@ def _printed(command: ModuleType, words: Sequence[str]) -> str:
     return text.getvalue()
 
 
-def _recording(gripper: RosGripper, person: Person, pad: str, folder: Path, name: str) -> str:
-    """Return the file with touches of an object, recorded now or earlier."""
+def _recording(gripper: RosGripper, person: Person, pad: str, folder: Path, name: str, toucher: str) -> str:
+    """Return the file with touches of an object, recorded now or earlier. ``toucher`` describes the object."""
     path = folder / f'touches_{name}.npz'
-    if path.exists() and person.ask(Question(Act.REUSE, f'Use the recording {path}?', ('yes', 'no'))) == 'yes':
+    question = f'Are all touches in {path} touches of {toucher}, and shall they be used?'
+    if path.exists() and person.ask(Question(Act.REUSE, question, ('yes', 'no'))) == 'yes':
         return str(path)
     person.ask(Question(Act.STROKE, HOW.get(name, OTHERS).format(pad=pad, name=name) + ENDING))
     frames: list[TaxelFrame] = []
