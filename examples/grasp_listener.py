@@ -6,6 +6,7 @@
 import time
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
@@ -22,7 +23,7 @@ class GraspListener(Node):
         super().__init__('grasp_listener')
         self._grasp, self._arrived, self._last = Grasp(), 0.0, ''
         self.create_subscription(Grasp, 'grasp', self._on_grasp, 1)  # a depth of 1 keeps only the latest grasp
-        self.create_timer(PERIOD, self._check)
+        self.create_timer(PERIOD, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_grasp(self, grasp: Grasp) -> None:
         self._grasp, self._arrived = grasp, time.monotonic()
