@@ -42,9 +42,14 @@ SPEED = 0.01          #: closing speed of all columns until the first touch [m/s
 CLEARANCE = 0.01      #: opening from which the gripper closes, beyond the largest width of the object [m]
 PATIENCE = 10.0       #: longest time for the gripper's own action [s]; the action does not end while the object rocks
 REST = 0.5            #: pause after each part of a start [s]
-SLOW, FAST = (0.005, 3.0), (0.05, 1.7)  #: speeds [m/s] and durations [s] of both parts of the lift
-PULL_SPEED, PULL_TIME = 0.005, 6.0      #: speed of the spring's end [m/s], and its duration [s]
-STANDS, STILL = 2.0, 5e-5               #: a pull ends early after this time [s] without more slide than this [m]
+SLOW_SPEED = 0.005    #: speed of the slow lift [m/s]
+SLOW_TIME = 3.0       #: duration of the slow lift, which is 15 mm high [s]
+FAST_SPEED = 0.05     #: speed of the rest of the lift [m/s]
+FAST_TIME = 1.7       #: duration of the rest of the lift, which ends at a height of 0.1 m [s]
+PULL_SPEED = 0.005    #: speed of the spring's end [m/s]
+PULL_TIME = 6.0       #: longest duration of the pull [s]
+STANDS = 2.0          #: a pull ends early if the object has not slid for this time [s]
+STILL = 5e-5          #: largest movement that is no slide in a pull [m]
 TRIES = 4             #: largest number of goals to close in a start
 AGAIN = (Ending.NOT_SEEN, Ending.FORCE_NOT_KNOWN, Ending.LOST)  #: outcomes after which the gripper closes again
 ENDS = ('held', 'dropped', 'broken', 'gave up')
@@ -75,8 +80,9 @@ def started(column: str, seed: int) -> dict:
             slid, moved_at = (now, world.now) if now > slid + STILL else (slid, moved_at)
         stands = part == 'pull' and world.now - max(moved_at, begun) > STANDS
         return stands or world.outcome in (Outcome.DROPPED, Outcome.BROKEN)
-    for part, (seconds, speed) in {'slow lift': (SLOW[1], SLOW[0]), 'lift': (FAST[1], FAST[0]), 'rest': (REST, 0.0),
-                                   'shake': (1.0, 0.0), 'pause': (REST, 0.0), 'pull': (PULL_TIME, 0.0)}.items():
+    for part, (seconds, speed) in {'slow lift': (SLOW_TIME, SLOW_SPEED), 'lift': (FAST_TIME, FAST_SPEED),
+                                   'rest': (REST, 0.0), 'shake': (1.0, 0.0), 'pause': (REST, 0.0),
+                                   'pull': (PULL_TIME, 0.0)}.items():
         if part == 'shake':
             world.shake(SHAKE)
         elif part == 'pull':

@@ -112,17 +112,21 @@ def parallel(control_msgs):
     return ParallelGripperCommand
 
 
+def adapter(ros, action='/hand/gripper_cmd'):
+    """Return a RosGripper whose node spins on another thread."""
+    import rclpy
+    node = rclpy.create_node('commission', start_parameter_services=False)
+    ros.callback(node.destroy_node)
+    found = RosGripper(node, action=action, joint='finger', joint_states='/joint_states', pads=('left', 'right'))
+    ros.callback(found.destroy)
+    ros.enter_context(spinning([node]))
+    return found
+
+
 @pytest.fixture
 def gripper(ros, parallel):
     """A connected RosGripper, and the hand that it commands."""
-    import rclpy
-    hand = Hand(ros, parallel)
-    node = rclpy.create_node('commission', start_parameter_services=False)
-    ros.callback(node.destroy_node)
-    found = RosGripper(node, action='/hand/gripper_cmd', joint='finger', joint_states='/joint_states',
-                       pads=('left', 'right'))
-    ros.callback(found.destroy)
-    ros.enter_context(spinning([node]))
+    hand, found = Hand(ros, parallel), adapter(ros)
     assert found.connect(LIMIT)[:2] == (4, 4)
     return found, hand
 
@@ -196,14 +200,8 @@ def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, grippe
 @pytest.mark.ros
 @pytest.mark.bus
 def test_a_driver_that_does_not_say_whether_it_mirrors_a_pad_is_named(ros, parallel):
-    import rclpy
     Hand(ros, parallel, 'skin_driver')
-    node = rclpy.create_node('commission', start_parameter_services=False)
-    ros.callback(node.destroy_node)
-    found = RosGripper(node, action='/hand/gripper_cmd', joint='finger', joint_states='/joint_states',
-                       pads=('left', 'right'))
-    ros.callback(found.destroy)
-    ros.enter_context(spinning([node]))
+    found = adapter(ros)
 
     def missing():
         with pytest.raises(ConfigurationError) as refused:
@@ -216,11 +214,7 @@ def test_a_driver_that_does_not_say_whether_it_mirrors_a_pad_is_named(ros, paral
 @pytest.mark.bus
 @pytest.mark.usefixtures('control_msgs')
 def test_a_missing_action_is_named(ros):
-    import rclpy
-    node = rclpy.create_node('commission', start_parameter_services=False)
-    ros.callback(node.destroy_node)
-    found = RosGripper(node, action='/none', joint='finger', joint_states='/joint_states', pads=('left', 'right'))
-    ros.callback(found.destroy)
+    found = adapter(ros, action='/none')
     with pytest.raises(ConfigurationError, match='/none'):
         found.connect(0.0)
 

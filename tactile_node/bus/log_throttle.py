@@ -29,6 +29,7 @@ class LogThrottle:
         self._due = now + self._pause
         return True
 
-    def reset(self) -> None:
-        """Forget the last message, so that the next one is due immediately."""
-        self._kind = ''
+    def reset(self) -> bool:
+        """Forget the last message, so that the next one is due immediately. Return True if there was a message."""
+        was_sent, self._kind = bool(self._kind), ''
+        return was_sent

@@ -216,7 +216,7 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
         write_parameters(str(folder / 'parameters.yaml'), parameters)
     about = {'date': datetime.now().astimezone().isoformat(timespec='minutes'), 'version': tactile_node.__version__,
              'joint': f'{plan.joint}, {plan.low:g} to {plan.high:g} {plan.unit}'}
-    serials = [each or 'unknown' for each in record.get('rest').get('serial_numbers', ['', ''])]
+    serials = [each or 'unknown' for each in record.serial_numbers]
     about['serial numbers'] = ', '.join(f'pad {pad}: {serial}' for pad, serial in zip(plan.pads, serials))
     pictures = pictures_of(found, plan)
     for file, (_, drawing) in pictures.items():

@@ -85,14 +85,10 @@ def _partners(first: CommissioningRecord, check: CommissioningRecord) -> tuple[i
     likeness = np.array([[_correlation(first, check, then, now) for then in (0, 1)] for now in (0, 1)])
     crossed = likeness[0, 1] + likeness[1, 0] > likeness[0, 0] + likeness[1, 1]
     is_swapped = first['pads']['order'] != check['pads']['order']
-    before, now = (_serial_numbers(record) for record in (first, check))
+    before, now = (record.serial_numbers for record in (first, check))
     known = '' not in (*before, *now) and before[0] != before[1]
     crossed = now == before[::-1] if known else crossed
     return (1, 0) if is_swapped and crossed else (0, 1)
-
-
-def _serial_numbers(record: CommissioningRecord) -> list[str]:
-    return record['rest'].get('serial_numbers', ['', ''])  # an older record has none
 
 
 def _zeros(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> tuple[np.ndarray,
@@ -131,7 +127,7 @@ def _changes_of_pad(first: CommissioningRecord, check: CommissioningRecord, then
     if before != after:
         found.append(Finding(Change.PAD_TURNED, where, str(before), str(after)))
     likeness = _correlation(first, check, then, now)
-    serials = _serial_numbers(first)[then], _serial_numbers(check)[now]
+    serials = first.serial_numbers[then], check.serial_numbers[now]
     if all(serials) and serials[0] != serials[1]:
         found.append(Finding(Change.PAD_EXCHANGED, where, *(f'serial number {each}' for each in serials)))
     elif likeness < OTHER_PAD:

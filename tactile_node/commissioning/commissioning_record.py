@@ -58,6 +58,11 @@ class CommissioningRecord:
     def steps(self) -> Mapping[str, dict[str, Any]]:
         return self._steps
 
+    @property
+    def serial_numbers(self) -> list[str]:
+        """Serial number of each pad, or '' if it is not known. An older record has none."""
+        return self.get('rest').get('serial_numbers', ['', ''])
+
     def save(self, step: str, results: Mapping[str, Any]) -> None:
         """Add the results of a step, and write the file."""
         self._steps[step] = json.loads(json.dumps(results, default=_plain))

@@ -203,7 +203,7 @@ class PatternExtractor:
             labels[mask] = 1
         else:
             mask = pressed.copy()
-        is_covered = self._is_covered(numbers, valid) if not contacts and frame.dtype != bool else False
+        is_covered = not contacts and frame.dtype != bool and self._is_covered(numbers, valid)
         if is_covered:
             self._last_covered = numbers
         elif contacts or valid.all():

@@ -118,7 +118,6 @@ class MeasuredOpening:
         self._node, self._remedy, self._steady = node, remedy, steady
         self.subscriptions = subscriptions
         self._throttle = LogThrottle()
-        self._is_missed = False  # True after a warning, until the opening is known
         self._before = total(())
         publish_status(node, self._status)
 
@@ -129,15 +128,12 @@ class MeasuredOpening:
     def _status(self) -> DiagnosticStatus:
         current, name = self.current(), self._node.get_fully_qualified_name()
         if not math.isnan(current.gap):
-            if self._is_missed:
+            if self._throttle.reset():
                 logger.info('the opening of the gripper is known: %.1f mm', 1e3 * current.gap,
                             extra=of_node(self._node))
-            self._is_missed = False
-            self._throttle.reset()
         elif self._throttle.is_due('unknown', self._steady()):
             logger.warning('the opening of the gripper is not known: %s', why_not_known(current, self._remedy),
                            extra=of_node(self._node))
-            self._is_missed = True
         before, self._before = self._before, total(subscription.counts for subscription in self.subscriptions)
         return opening_status(name, current, self._before, before, self._remedy)
 
