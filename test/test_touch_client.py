@@ -3,6 +3,9 @@
 The client accepts the result and the outcome in either order.
 """
 
+import threading
+import time
+
 import pytest
 from action_msgs.msg import GoalStatus
 from gripper_bench import GripperBench
@@ -139,6 +142,49 @@ def test_waiting_leaves_the_node_to_its_executor(ros):
         with pytest.raises(TimeoutError):
             client.wait(client.send(position=0.0), 0.2)
         assert planner.executor is executor
+
+
+class LateRegister(dict):
+    """rclpy's register of requests without a response.
+
+    This thread registers a request so late that the response arrives first.
+    """
+
+    def __init__(self):
+        self._sender = threading.current_thread()
+        super().__init__()
+
+    def __contains__(self, number):
+        if threading.current_thread() is self._sender:
+            time.sleep(0.3)
+        return super().__contains__(number)
+
+
+def test_a_response_that_arrives_before_the_request_is_registered_is_not_lost(ros):
+    import rclpy
+    nodes = [rclpy.create_node(name, start_parameter_services=False) for name in ('touch_gripper', 'planner')]
+    for node in nodes:
+        ros.callback(node.destroy_node)
+    server, client = Server(nodes[0]), TouchClient(nodes[1])
+    ros.callback(server.action.destroy)
+    ros.callback(client.destroy)
+    for name in ('goal', 'cancel', 'result'):
+        assert hasattr(client._client, f'_pending_{name}_requests')
+        setattr(client._client, f'_pending_{name}_requests', LateRegister())
+    with spinning([nodes[0]]), spinning([nodes[1]]):
+        until(lambda: client.is_ready)
+        goal = client.send(position=0.0)
+        until(lambda: goal.handle is not None)
+        answer, result = goal.cancel(), goal.handle.get_result_async()
+        server.handles[-1].execute()
+        until(lambda: answer.done() and result.done())
+
+
+def until(condition):
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end, 'timeout'
+        time.sleep(0.005)
 
 
 def test_two_clients_each_get_their_own(ros):

@@ -12,7 +12,6 @@ from uuid import uuid4
 import numpy as np
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
 from rclpy.qos import qos_profile_action_status_default, qos_profile_sensor_data
@@ -22,6 +21,7 @@ from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.recording import JointStates, PadFrames, PadGrid, Recording
 from tactile_node.errors import ConfigurationError
 from tactile_node.gripper.duplicate_watch import LISTEN_TIME, DuplicateWatch
+from tactile_node.gripper.locked_action_client import LockedActionClient
 from tactile_node.gripper.messages import PARALLEL, GoalValues, gripper_interface
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
@@ -110,7 +110,7 @@ class RosGripper:
         self._refusal = ''
         self.tap: list[TaxelFrame] | None = None  #: list for the published frames of the first pad, or None
         self._first: list[TaxelArray | None] = [None for _ in pads]
-        self._client = ActionClient(node, self._interface.action, action)
+        self._client = LockedActionClient(node, self._interface.action, action)
         self._watch = DuplicateWatch(node, (f'{action}/touch_gripper',), steady=steady)
         self._status = node.create_subscription(GoalStatusArray, f'{action}/_action/status', self._on_status,
                                                 qos_profile_action_status_default)

@@ -9,10 +9,10 @@ from weakref import WeakValueDictionary
 
 import rclpy
 from action_msgs.msg import GoalStatus
-from rclpy.action import ActionClient
 from rclpy.node import Node
 from unique_identifier_msgs.msg import UUID
 
+from tactile_node.gripper.locked_action_client import LockedActionClient
 from tactile_node.gripper.messages import PARALLEL, GoalValues, GripperState, gripper_interface
 from tactile_node.gripper.put_down_goal import PutDownGoal
 from tactile_node.ros.time_messages import duration_message
@@ -95,8 +95,8 @@ class TouchClient:
         # goals to which the caller still has a reference
         self._goals: WeakValueDictionary[bytes, TouchGoal] = WeakValueDictionary()
         name = action.rpartition('/')[0]
-        self._client = ActionClient(node, self._interface.action, action)
-        self._put_down = ActionClient(node, PutDown, f'{name}/put_down')
+        self._client = LockedActionClient(node, self._interface.action, action)
+        self._put_down = LockedActionClient(node, PutDown, f'{name}/put_down')
         self._outcomes = node.create_subscription(GripperOutcome, f'{name}/outcome', self._on_outcome, 10)
 
     @property
