@@ -113,6 +113,7 @@ class PublishedPads(Pads):
     def __init__(self, bench, motor, **options):
         super().__init__(motor, **options)
         self._bench = bench
+        self.sent = 0  #: Number of published messages.
         self._publisher = bench.add('pads').create_publisher(Grasp, '/grasp', 10)
 
     def send(self):
@@ -130,6 +131,7 @@ class PublishedPads(Pads):
         message.header.stamp = time_message(1.7e9 + self._bench.steady() - AGE)
         message.age = age_message(AGE)
         self._publisher.publish(self.change(message))
+        self.sent += 1
 
 
 class Client:

@@ -2,7 +2,8 @@
 
 KIND is works, hangs or rejects. With hangs, the process accepts a goal and then sends no further response. TRAVEL is
 the distance by which the gripper closes in a step of 0.02 s [m]. By default, the gripper closes as far in each step as
-it opens. The process prints one line for each event. The first event is the discovery of the action client.
+it opens. The process prints one line for each event. The first event is the discovery of the action client. Before the
+process reports that it has reached a goal, it waits for a line of input, so that its opening is published first.
 """
 
 import sys
@@ -48,8 +49,9 @@ class Gripper:
         target = self.goal.request.command.position[0]
         self.opening += max(-self.closes_by, min(TRAVEL, target - self.opening))
         if self.opening == target:
-            self.end(self.goal.succeed, reached_goal=True)
             say('reached', target)
+            sys.stdin.readline()
+            self.end(self.goal.succeed, reached_goal=True)
 
     def end(self, end, **flags):
         handle, self.goal = self.goal, None

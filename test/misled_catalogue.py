@@ -408,12 +408,16 @@ def _until_closing(world: World, bench: GripperBench, begin: Callable[[World, Gr
     for _ in range(TRIES):
         bench.motor.move_to(START)
         begin(world, bench)
-        ended = len(bench.client.outcomes)
-        bench.until(lambda: bench.motor.moves and bench.motor.opening < START - 0.001
-                    or len(bench.client.outcomes) > ended, 'it does not close without a fault')
+        bench.until(partial(_closes_or_has_ended, bench, len(bench.client.outcomes)),
+                    'it does not close without a fault')
         if bench.motor.moves:
             return
     raise TooSlowError(f'the outcomes are {[each.message for each in bench.client.outcomes]}: is the machine too busy?')
+
+
+def _closes_or_has_ended(bench: GripperBench, outcomes: int) -> bool:
+    """Return True if the gripper closes, or if there are more than ``outcomes`` outcomes."""
+    return bench.motor.moves and bench.motor.opening < START - 0.001 or len(bench.client.outcomes) > outcomes
 
 
 def _closes(what: str, spoil: Callable[[World], None], bound: float, **given: dict) -> Case:

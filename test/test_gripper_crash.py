@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,7 @@ NARROWER = 0.055
 #: after SIGCONT, because Fast DDS forgets a process that is silent for 20 s. In 10 s, the gripper closes by 15 mm and
 #: still touches nothing.
 TRAVEL = '0.00003'
+PAUSE = 0.01  #: Pause between two looks [s].
 # Number of steps in a period of the frames. A low rate saves processor time, and no test touches an object.
 FRAME_STEPS = 10
 LONG = pytest.mark.long
@@ -44,15 +46,16 @@ LONG = pytest.mark.long
 class Gripper:
     """The process of gripper_process.py, with the lines that it has printed.
 
-    Each time the gripper in this process comes to rest, ``motor`` moves to the same opening.
+    Each time the gripper in this process comes to rest, the motor of ``bench`` moves to the same opening. The gripper
+    reports that it has reached a goal once ``bench`` has published this opening.
     """
 
-    def __init__(self, kind, motor):
-        self.lines, self._motor = [], motor
-        motor.move_to(START)
+    def __init__(self, kind, bench):
+        self.lines, self._bench = [], bench
+        bench.motor.move_to(START)
         command = [sys.executable, str(Path(__file__).with_name('gripper_process.py')), kind, TRAVEL]
-        self.process = subprocess.Popen(command, env=environment_with('control_msgs'), stdout=subprocess.PIPE,
-                                        text=True)
+        self.process = subprocess.Popen(command, env=environment_with('control_msgs'), stdin=subprocess.PIPE,
+                                        stdout=subprocess.PIPE, text=True)
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):
@@ -60,7 +63,13 @@ class Gripper:
             self.lines.append(line.strip())
             event, _, opening = line.partition(' ')
             if event in ('reached', 'cancelled'):
-                self._motor.move_to(float(opening))
+                self._bench.motor.move_to(float(opening))
+            if event == 'reached':
+                sent = self._bench.pads.sent
+                while self._bench.pads.sent < sent + 2:
+                    time.sleep(PAUSE)
+                self.process.stdin.write('\n')
+                self.process.stdin.flush()
 
     def send(self, number):
         self.process.send_signal(number)
@@ -78,7 +87,7 @@ class Site:
 
     def gripper(self, kind):
         """Start a gripper, and wait until the gripper node has discovered its server."""
-        gripper = Gripper(kind, self.bench.motor)
+        gripper = Gripper(kind, self.bench)
         self.grippers.append(gripper)
         self.bench.until(lambda: 'ready' in gripper.lines)
         self.bench.wait(DISCOVERY)
