@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -18,6 +19,7 @@ from tactile_node.commissioning.changes import Change, find_changes, largest_exp
 from tactile_node.commissioning.commissioned_gripper import Act, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
 from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.force import map_effort
 from tactile_node.commissioning.guarded_gripper import GuardedGripper, Move
 from tactile_node.commissioning.lateral_shift import shift_per_load
 from tactile_node.commissioning.measurement import Estimate, Verdict, line_through, mean_of
@@ -493,17 +495,22 @@ def test_a_way_to_stop_that_fails_once_is_never_chosen(tmp_path):
 # ---- dangers ----
 
 class BlindPads:
-    """A desk whose pads still send frames, but without a value, from the first movement on."""
+    """A desk whose pads still send frames, but without a value, for ``seconds`` after ``commands`` commands."""
 
-    def __init__(self, desk):
-        self._desk = desk
+    def __init__(self, desk, commands=1, seconds=math.inf):
+        self._desk, self._commands, self._seconds = desk, commands, seconds
+        self._since = math.nan  # time when the pads became blind [s]
 
     def __getattr__(self, name):
         return getattr(self._desk, name)
 
     def advance(self, seconds):
         recording = self._desk.advance(seconds)
-        if not self._desk.commands:
+        if len(self._desk.commands) < self._commands:
+            return recording
+        if math.isnan(self._since):
+            self._since = self._desk.now()
+        if self._desk.now() > self._since + self._seconds:
             return recording
         return recording._replace(pads=tuple(pad._replace(forces=np.full_like(pad.forces, np.nan))
                                              for pad in recording.pads))
@@ -517,6 +524,25 @@ def test_pads_that_send_no_values_stop_the_gripper(finished, tmp_path):
         CommissioningProcedure(BlindPads(desk), desk, plan, record).run()
     assert refused.value.mistake is Mistake.PADS_SILENT
     assert desk.cancels
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('step', 'commands'), [('first movement', 7), ('foam', 5)])
+def test_pads_that_are_blind_for_a_second_change_no_result(finished, tmp_path, step, commands):
+    """The part is refused after the gripper has moved."""
+    desk, plan = desk_of()
+    record = without(finished[2], tmp_path, step)
+    procedure = CommissioningProcedure(BlindPads(desk, commands, 1.0), desk, plan, record)
+    procedure.run()
+    assert [error.mistake for _, error in procedure.refused] == [Mistake.PADS_SILENT]
+    found, expected = record[step], CommissioningRecord(finished[2])[step]
+    if step == 'first movement':
+        assert (found['effort'], found['opens_rising']) == (expected['effort'], expected['opens_rising'])
+        return
+    # A gripper that already presses on the foam need not move at the smallest effort, which is no emergency stop.
+    assert [question.act for question in desk.questions].count(Act.FOAM) == 2
+    slopes = [map_effort(each['efforts'], each['forces']).slope for each in (found, expected)]
+    assert abs(slopes[0].value - slopes[1].value) < 4 * math.hypot(*(each.deviation for each in slopes))
 
 
 def test_a_command_never_leaves_the_limits_of_the_joint():

@@ -244,25 +244,23 @@ class CommissioningProcedure:
     def _first_movement(self) -> dict[str, Any]:
         self._clear('first movement')
         noise = self._gripper.measure_noise('first movement')
-        way = FIRST_SHARE * self._plan.travel
-        start = self._gripper.reading
-        target = start + way if start < (self._plan.low + self._plan.high) / 2 else start - way
-        first = Move(target, FIRST_EFFORT * self._plan.most_effort, self._plan.travel / FREE_TIME / 10)
-        self._gripper.consent('first movement, with rising effort', first, TOUCHED, 1)
-        effort = self._attempt(self._smallest_effort, first, start)
+        effort, is_rising = self._attempt(self._smallest_effort)
         answer = self._ask(Act.DIRECTION, 'How have the fingers moved?', ('opened', 'closed', 'not moved'))
-        opens_rising = (answer == 'opened') == (target > start)
-        return {'noise': noise, 'effort': effort, 'opens_rising': opens_rising}
+        return {'noise': noise, 'effort': effort, 'opens_rising': (answer == 'opened') == is_rising}
 
-    def _smallest_effort(self, first: Move, start: float) -> float:
-        """Return the smallest effort that moves the gripper."""
-        effort = first.effort
+    def _smallest_effort(self) -> tuple[float, bool]:
+        """Return the smallest effort that moves the gripper, and whether the reading of the joint has risen."""
+        start, way = self._gripper.reading, FIRST_SHARE * self._plan.travel
+        is_rising = start < (self._plan.low + self._plan.high) / 2
+        effort = FIRST_EFFORT * self._plan.most_effort
+        first = Move(start + way if is_rising else start - way, effort, self._plan.travel / FREE_TIME / 10)
+        self._gripper.consent('first movement, with rising effort', first, TOUCHED, 1)
         while effort <= self._plan.most_effort:
             self._gripper.command(first._replace(effort=effort))
             self._gripper.watch(1.0, 'first movement', may_touch=False)
-            if abs(self._gripper.reading - start) > FIRST_SHARE / 4 * self._plan.travel:
+            if abs(self._gripper.reading - start) > way / 4:
                 self._gripper.watch(2.0, 'first movement', may_touch=False)
-                return effort
+                return effort, is_rising
             effort *= EFFORT_FACTOR
         raise self._gripper.stuck('first movement')
 
@@ -375,21 +373,22 @@ class CommissioningProcedure:
         return Stall(effort, float(recording.joint.positions.mean()), self._images(recording)), recording
 
     def _foam(self) -> dict[str, Any]:
-        goal = FOAM_SHARE * self._plan.force_limit
-        self._insert(Act.FOAM, 'Hold the foam between the pads until the gripper holds it.')
-        rises = np.log(self._plan.most_effort / self._record['first movement']['effort']) / np.log(FOAM_FACTOR)
-        self._gripper.consent('foam, with rising effort', Move(self._closed_end, self._plan.most_effort,
-                                                               self._plan.travel / FREE_TIME), goal, int(rises) + 5)
-        stalls = self._attempt(self._squeeze, goal)
+        stalls = self._attempt(self._squeeze)
         lets_go = {way.value: self._attempt(self._stop_under_load, way, stalls[-1])
                    for way in (StopWay.CANCEL, StopWay.GOAL)}
         held = self._attempt(self._hold, stalls[-1])
         return {'efforts': [stall.effort for stall in stalls], 'forces': [stall.force for stall in stalls],
                 'stiffness': stiffness_of(stalls), 'kept': lets_go, 'held': held}
 
-    def _squeeze(self, goal: float) -> list[Stall]:
-        stalls: list[Stall] = []
+    def _squeeze(self) -> list[Stall]:
+        """Return the stalls at rising efforts, each against foam that the gripper has held since the first effort."""
+        goal = FOAM_SHARE * self._plan.force_limit
         effort = self._record['first movement']['effort']
+        self._insert(Act.FOAM, 'Hold the foam between the pads until the gripper holds it.')
+        rises = np.log(self._plan.most_effort / effort) / np.log(FOAM_FACTOR)
+        self._gripper.consent('foam, with rising effort', Move(self._closed_end, self._plan.most_effort,
+                                                               self._plan.travel / FREE_TIME), goal, int(rises) + 5)
+        stalls: list[Stall] = []
         while effort <= self._plan.most_effort:
             stalls.append(self._stall(effort, 'foam')[0])
             if abs(stalls[-1].reading - self._closed_end) < FIRST_SHARE * self._plan.travel:
