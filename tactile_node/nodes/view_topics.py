@@ -23,7 +23,7 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.message_guard import FrameKey, frame_key
 from tactile_node.nodes.spinner import Spinner
-from tactile_node.ros.contact_messages import PadContact, contact_message, taxel_array_message, taxel_values
+from tactile_node.ros.contact_messages import PadContact, taxel_values
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import check_contact, check_contact_shape, check_taxel_array
@@ -98,9 +98,9 @@ class TaxelViews:
 
     def publish(self, contact: PadContact) -> None:
         """Publish ``contact`` and its taxels on the topics that have subscribers."""
-        self._wrench.publish(lambda: wrench_message(contact_message(contact), contact.found.pattern))
-        self._values.publish(lambda: value_image(taxel_array_message(contact.frame)))
-        self._colours.publish(lambda: colour_image(taxel_array_message(contact.frame), self._scale))
+        self._wrench.publish(lambda: wrench_message(contact))
+        self._values.publish(lambda: value_image(contact.frame))
+        self._colours.publish(lambda: colour_image(contact.frame, self._scale))
 
 
 class ShapeView:
@@ -136,9 +136,9 @@ class ShapeView:
         shape : ContactShape
             Shape that was recognised from the contact.
         """
-        self._publisher.publish(lambda: self._drawn(contact_message(contact), shape))
+        self._publisher.publish(lambda: self._drawn(contact, shape))
 
-    def _drawn(self, contact: Contact, shape: ContactShape) -> MarkerArray:
+    def _drawn(self, contact: PadContact, shape: ContactShape) -> MarkerArray:
         lifetime = self._lifetime.after(time.monotonic(), seconds(contact.header.stamp))
         return self._markers.message(contact, shape, lifetime)
 
