@@ -35,7 +35,7 @@ class PadShape:
 
     Parameters
     ----------
-    bare
+    message
         Message in which box, `hollow` and solid are not filled in yet; a received message is complete.
     result
         Result from which the message was created; None for a received message.
@@ -43,27 +43,27 @@ class PadShape:
         Height of the solid to add [m]; 0 to add no solid.
     """
 
-    def __init__(self, bare: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
-        self.bare, self._result, self._solid_height = bare, result, solid_height
+    def __init__(self, message: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
+        self.message, self._result, self._solid_height = message, result, solid_height
 
     @cached_property
-    def whole(self) -> ContactShape:
+    def complete_message(self) -> ContactShape:
         """Message with all its fields, including box, `hollow` and solid."""
         if self._result is not None:
-            _add_box(self.bare, self._result, self._solid_height)
-        return self.bare
+            _add_box(self.message, self._result, self._solid_height)
+        return self.message
 
     @property
     def header(self) -> Header:
-        return self.bare.header
+        return self.message.header
 
     @property
     def sequence(self) -> int:
-        return int(self.bare.sequence)
+        return int(self.message.sequence)
 
     @property
     def left_out(self) -> int:
-        return int(self.bare.left_out)
+        return int(self.message.left_out)
 
 
 def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> PadShape:
