@@ -70,7 +70,7 @@ class MessageGuard(Generic[Message]):
     publishers : int
         Number of publishers of the topic at the last call of `count_publishers`.
     left_out : int
-        Number of frames directly before the current message that this node or an earlier node skipped on purpose.
+        Number of frames directly before the current message that were overtaken at this node or at an earlier node.
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, check: Check[Message], *, lossless: bool = False,
@@ -228,7 +228,7 @@ def frame_key(message: Any) -> FrameKey:
 
 
 def _left_out_before(message: object) -> int:
-    """Return the number of frames before ``message`` that its sender skipped on purpose.
+    """Return the number of frames before ``message`` that were overtaken at its sender or at an earlier node.
 
     Returns 0 for a message type without this number.
     """

@@ -146,7 +146,7 @@ class StageInput(GuardedInput, Generic[Message, Result]):
 
     @property
     def left_out(self) -> int:
-        """Number of frames directly before the current result that this stage or an earlier one skipped on purpose."""
+        """Number of frames directly before the current result that were overtaken at this stage or an earlier one."""
         return self._guard.left_out
 
     @property

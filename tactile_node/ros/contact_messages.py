@@ -40,7 +40,7 @@ class PadContact(NamedTuple):
 
     frame: PadFrame
     found: FoundContact
-    left_out: int = 0  #: number of frames before this one that were skipped on purpose
+    left_out: int = 0  #: number of frames before this one that newer frames have overtaken
 
     @property
     def header(self) -> Header:
