@@ -1,5 +1,6 @@
 """Convert recognised, fused and fitted contacts to ROS messages."""
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -103,6 +104,17 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
     if result.fit is not None:
         _add_fit(message, result.fit)
     return PadShape(message, result, solid_height)
+
+
+def contact_pitch(message: ContactShape) -> float:
+    """Return the pitch of the pad [m], or 0 if there is no contact."""
+    return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
+
+
+def fitted_angle(message: ContactShape) -> float:
+    """Return the angle of the fitted shape's own x axis, from x towards y of the pad [rad]."""
+    turn = message.pose.pose.orientation
+    return 2 * math.atan2(turn.z, turn.w)
 
 
 def shapes_message(contact: PadContact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:

@@ -27,6 +27,7 @@ from tactile_node.contact.visibility import visibility_of
 from tactile_node.pose.moments import contact_moments
 from tactile_node.pose.pipeline import FoundContact
 from tactile_node.ros.contact_messages import PadContact, PadFrame, as_array, without_left_over
+from tactile_node.ros.shape_messages import fitted_angle
 from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import UnknownReason
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
@@ -128,11 +129,10 @@ def _axes(shape: ContactShape, pitch: float) -> Marker | None:
     """Return the shape's own x axis (red) and y axis (blue) from its centre, or None for a circle."""
     if not shape.fit_valid or not shape.symmetry:
         return None
-    pose = shape.pose.pose
-    angle = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
+    angle, place = fitted_angle(shape), shape.pose.pose.position
     length = max(shape.dimensions) / 2
     x, y = length * math.cos(angle), length * math.sin(angle)
-    centre = _above(pitch, pose.position.x, pose.position.y)
+    centre = _above(pitch, place.x, place.y)
     marker = _marker(Marker.LINE_LIST, LINE_WIDTH * pitch)
     marker.color = TEXT  # the message requires this colour, but each point has its own
     marker.points = [centre, _above(pitch, centre.x + x, centre.y + y),
