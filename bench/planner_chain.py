@@ -30,7 +30,7 @@ class _Pad:
         frame = PadFrame.of(TaxelFrame(EPOCH + now, self._sequence, values, status, 0), self._taxels,
                             f'{self._name}_pad')
         result = self._pipeline.recognise(find_in(frame, self._pipeline), EPOCH + now)
-        return pad_shape(frame, result, 'learned', 0.0).whole
+        return pad_shape(frame, result, 'learned', 0.0).complete_message
 
 
 class Chain:

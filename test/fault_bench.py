@@ -21,7 +21,7 @@ from tactile_node.assembly.health import NodeFault, Overload
 from tactile_node.bus import skin_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.cia301.emergency import Emergency
-from tactile_node.cia301.frame_bits import Frame
+from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.wire import Carried
 from tactile_node.skin.pads import LivePad
@@ -89,12 +89,12 @@ class Answers:
             coded.syncs += frame.frame.can_id == SYNC
             count(frame)
 
-        def handed_over(frames: Sequence[Frame]) -> None:
+        def handed_over(frames: Sequence[CanFrame]) -> None:
             hand_over(frames)
             self._note(frames, time.time())
         gateway.on_carried, gateway._hand_over = carried, handed_over
 
-    def _note(self, frames: Sequence[Frame], now: float) -> None:
+    def _note(self, frames: Sequence[CanFrame], now: float) -> None:
         for frame in frames:
             if (taxel := self._first_taxels.get(frame.can_id)) is not None:
                 counts = int.from_bytes(frame.data[:2], 'little', signed=True)

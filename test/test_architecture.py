@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -40,9 +41,14 @@ REPORTED = ('foreign', 'blemish', 'stamp', 'idle', 'spots', 'mechanics')
 
 
 @cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(ast.parse(path.read_text(encoding='utf-8'))))
+
+
+@cache
 def imports(path: Path) -> set[str]:
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -95,6 +101,12 @@ def test_the_rules_of_the_gripper_controller_import_no_other_part_of_it():
     for path in modules('gripper/rules'):
         ours = [name for name in imports(path) if name.startswith('tactile_node.')]
         assert all(name.startswith(OF_RULES) for name in ours), path
+
+
+def test_each_class_name_is_unique():
+    names = Counter(node.name for path in PACKAGE.rglob('*.py') for node in nodes(path)
+                    if isinstance(node, ast.ClassDef))
+    assert not [name for name, count in names.items() if count > 1]
 
 
 def test_every_thread_reports_the_exception_that_ends_it():

@@ -5,7 +5,7 @@ import random
 import pytest
 
 from tactile_node.cia301 import objects, sdo
-from tactile_node.cia301.frame_bits import Frame, arbitration, load_bits, worst_case_bits
+from tactile_node.cia301.frame_bits import CanFrame, arbitration, load_bits, worst_case_bits
 from tactile_node.cia301.objects import reserved_for, service_of
 
 
@@ -78,7 +78,7 @@ def stuffed(bits: str) -> str:
     return sent
 
 
-def on_the_wire(frame: Frame) -> str:
+def on_the_wire(frame: CanFrame) -> str:
     """Return the bits of a frame on the wire, including the three intermission bits after it (ISO 11898-1)."""
     remote = '1' if frame.is_remote else '0'
     if frame.is_extended:
@@ -89,12 +89,12 @@ def on_the_wire(frame: Frame) -> str:
     return stuffed(body + remainder(body)) + '1' + '01' + '1111111' + '111'
 
 
-def drawn(rng: random.Random) -> Frame:
+def drawn(rng: random.Random) -> CanFrame:
     """Return a random frame, often with long runs of equal bits like the counts of a skin at rest."""
     is_extended, is_remote = rng.random() < 0.3, rng.random() < 0.1
     can_id = rng.choice((0, 0x7FF, 0x080, 0x1A0, rng.getrandbits(11)))
     data = bytes(rng.choice((0, 0, 0xFF, 0x55, 0x1F, 0x0F, rng.getrandbits(8))) for _ in range(rng.randrange(9)))
-    return Frame(can_id << 18 | rng.getrandbits(18) if is_extended else can_id, b'' if is_remote else data,
+    return CanFrame(can_id << 18 | rng.getrandbits(18) if is_extended else can_id, b'' if is_remote else data,
                  is_extended, is_remote, len(data) if is_remote else 0)
 
 
@@ -102,8 +102,8 @@ def test_no_frame_is_longer_than_the_worst_case():
     """In Bosch CAN 2.0, a stuff bit can follow the first five equal bits, and then every four more bits."""
     rng = random.Random(4)
     assert all(len(on_the_wire(frame)) <= worst_case_bits(frame) for frame in (drawn(rng) for _ in range(5000)))
-    assert [worst_case_bits(Frame(1, bytes(n))) for n in range(9)] == [load_bits(n) for n in range(9)]
-    assert worst_case_bits(Frame(1, bytes(8), is_extended=True)) == 160
+    assert [worst_case_bits(CanFrame(1, bytes(n))) for n in range(9)] == [load_bits(n) for n in range(9)]
+    assert worst_case_bits(CanFrame(1, bytes(8), is_extended=True)) == 160
 
 
 def test_arbitration_is_by_the_bits_as_they_are_sent():

@@ -12,12 +12,11 @@ import pytest
 pytest.importorskip('tactile_skin.msg', reason='the messages are not built: run `make setup`')
 pytest.importorskip('jinja2')
 
-from diagnosed import diagnosed  # noqa: E402
+from diagnosed import diagnosed, status_of  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 
 from tactile_node.assembly.facts import BUS_LOSSES, BusFacts, NodeFacts, PadFacts, meanings  # noqa: E402
 from tactile_node.ros.diagnostics import BusDiagnostics  # noqa: E402
-from tactile_node.ros.status_message import status_message  # noqa: E402
 from tactile_node.viewing.counts_table import counts_table  # noqa: E402
 from tactile_skin.msg import NodeStatus, PadStatus, SkinStatus  # noqa: E402
 
@@ -43,8 +42,7 @@ def counted(kind, name):
 @pytest.mark.parametrize(('kind', 'name'), COUNTERS)
 def test_a_counter_is_in_all_outputs(kind, name):
     facts = counted(kind, name)
-    diagnostics = diagnosed(BusDiagnostics('driver', 'can0'), facts)
-    status = status_message(diagnostics, facts)
+    diagnostics, status = diagnosed(BusDiagnostics('driver', 'can0'), facts), status_of(facts)
     place = list(MESSAGES).index(kind)
     values = {pair.key: pair.value for pair in diagnostics.status[min(place, 1)].values}
     assert values[name] == '77'
@@ -58,7 +56,7 @@ def test_a_loss_of_the_bus_warns_and_is_in_the_view(name):
     facts, row = counted(BusFacts, name), f'{name.replace("_", " ")}</td><td>77'
     diagnostics = diagnosed(BusDiagnostics('driver', 'can0'), facts)
     assert diagnostics.status[0].level == DiagnosticStatus.WARN and name in diagnostics.status[0].message
-    assert row in counts_table(facts) and row in counts_table(status_message(diagnostics, facts))
+    assert row in counts_table(facts) and row in counts_table(status_of(facts))
     assert row not in counts_table(replace(facts, **{name: 0}))
 
 

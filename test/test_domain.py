@@ -13,7 +13,7 @@ from test_logs import play
 
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.facts import LossReason
-from tactile_node.cia301.sdo import SdoUpload, Step
+from tactile_node.cia301.sdo import SdoUpload, UploadStep
 from tactile_node.errors import ConfigurationError, DeviceError
 from tactile_node.logs.log_reader import CanLogReader
 from tactile_node.skin.layout_file import load_layout
@@ -50,21 +50,22 @@ def follow(*frames):
 
 @pytest.mark.parametrize('frames', [BLOCK, SEGMENTED], ids=('block', 'segmented'))
 def test_upload_is_followed_to_its_end(frames):
-    assert steps(SdoUpload(0x2400, 1), *frames) == [Step.BEGUN] + [Step.NOTHING] * (len(frames) - 2) + [Step.DONE]
-    assert follow(*frames) == (Step.DONE, b'123456789')
+    assert steps(SdoUpload(0x2400, 1), *frames) == [
+        UploadStep.BEGUN, *[UploadStep.NOTHING] * (len(frames) - 2), UploadStep.DONE]
+    assert follow(*frames) == (UploadStep.DONE, b'123456789')
 
 
 def test_expedited_upload():
-    assert follow(SEGMENTED[0], '< 4B 00 24 01 31 32 00 00') == (Step.DONE, b'12')
-    assert follow(SEGMENTED[0], '< 42 00 24 01 31 32 33 34') == (Step.DONE, b'1234')
+    assert follow(SEGMENTED[0], '< 4B 00 24 01 31 32 00 00') == (UploadStep.DONE, b'12')
+    assert follow(SEGMENTED[0], '< 42 00 24 01 31 32 33 34') == (UploadStep.DONE, b'1234')
 
 
 def test_segments_sent_again_count_once():
     again = (BEGIN, ANSWER, START, SEGMENTS[1], '> A2 00 7F 00 00 00 00 00', *SEGMENTS, ACKNOWLEDGE, END)
-    assert follow(*again) == (Step.DONE, b'123456789')
+    assert follow(*again) == (UploadStep.DONE, b'123456789')
     partly = (BEGIN, ANSWER, START, *SEGMENTS, '> A2 01 7F 00 00 00 00 00', '< 81 38 39 00 00 00 00 00',
               '> A2 01 7F 00 00 00 00 00', END)
-    assert follow(*partly) == (Step.DONE, b'123456789')
+    assert follow(*partly) == (UploadStep.DONE, b'123456789')
 
 
 @pytest.mark.parametrize('frames', [
@@ -76,16 +77,16 @@ def test_segments_sent_again_count_once():
          'lost in the log', 'aborted by the server', 'by the client', 'another object', 'short frame',
          'channel taken'))
 def test_broken_uploads(frames):
-    assert follow(*frames)[0] is Step.BROKEN
+    assert follow(*frames)[0] is UploadStep.BROKEN
 
 
 def test_without_crc_none_is_checked():
     frames = [frame.replace('> A4', '> A0') for frame in BLOCK[:-1]]
-    assert follow(*frames, '< D5 00 00 00 00 00 00 00') == (Step.DONE, b'123456789')
+    assert follow(*frames, '< D5 00 00 00 00 00 00 00') == (UploadStep.DONE, b'123456789')
 
 
 def test_other_objects_are_not_ours():
-    assert steps(SdoUpload(0x2400, 0), *BLOCK) == [Step.NOTHING] * len(BLOCK)
+    assert steps(SdoUpload(0x2400, 0), *BLOCK) == [UploadStep.NOTHING] * len(BLOCK)
 
 
 def test_a_damaged_upload_never_yields_wrong_bytes():
@@ -105,7 +106,7 @@ def test_a_damaged_upload_never_yields_wrong_bytes():
         for original, frame in zip(BLOCK, frames):
             if frame is not None:
                 step = (upload.request if original[0] == '>' else upload.response)(frame)
-                given += [upload.data] if step is Step.DONE else []
+                given += [upload.data] if step is UploadStep.DONE else []
         assert given in ([], [b'123456789'])
 
 

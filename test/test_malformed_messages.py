@@ -110,7 +110,7 @@ def good_shape(sequence=0) -> ContactShape:
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     fused = FusedRecognition(frame, STAMP, 1.5, 30)
     result = StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
-    return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).whole
+    return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).complete_message
 
 
 def good_event(sequence=0) -> ContactEvent:
@@ -534,7 +534,8 @@ def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain
 def test_frames_missed_while_a_link_was_cut_for_an_hour_are_all_counted(chain):
     received: list[TaxelArray] = []
     qos = frames_qos(DEPTH, lossless=True)  # A lossless subscription takes the time from the stamps alone.
-    subscription = GuardedSubscription(chain.peer, TaxelArray, 'taxels', received.append, qos, check=check_taxel_array)
+    subscription = GuardedSubscription(chain.peer, TaxelArray, 'taxels', received.append, qos, check=check_taxel_array,
+                                       lossless=True)
     publisher = chain.peer.create_publisher(TaxelArray, 'taxels', qos)
     for sequence, stamp in ((100, 0.0), (100 + 180_000, 3600.0), (2**63, 3600.02)):
         message = with_sequence(sequence)

@@ -28,7 +28,7 @@ from tactile_node.grasp.trust import Doubt, doubt
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.nodes.spinner import spinning
-from tactile_node.nodes.view_topics import TopicSource
+from tactile_node.nodes.topic_source import TopicSource
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.qos import frames_qos
 from tactile_node.simulator.figures import Skin, pressure_frame

@@ -45,7 +45,7 @@ def followed_at_half_speed(ros, lossless):
         worked_on.append((message.sequence, time.time()))
     qos = frames_qos(SENT, lossless)
     subscription = GuardedSubscription(receiver, TaxelArray, 'taxels', work, qos, check=check_taxel_array,
-                                       newest_only=True)
+                                       newest_only=True, lossless=lossless)
     publisher = sender.create_publisher(TaxelArray, 'taxels', qos)
     bench.until(publisher.get_subscription_count)
 

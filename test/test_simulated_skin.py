@@ -18,7 +18,7 @@ from faulty_bus import Adapter
 from tactile_node.assembly.facts import LossReason
 from tactile_node.bus import slcan_bus
 from tactile_node.bus.bus_network import open_bus
-from tactile_node.cia301.frame_bits import Frame
+from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.cli.main import main
 from tactile_node.cli.tare import DEFAULT_WAIT
 from tactile_node.conditioning.tare import ContactGuard, measure, tare_limit
@@ -322,7 +322,7 @@ def test_client_that_does_not_read_costs_frames_not_memory():
             adapter.send(message)
         assert adapter.lost > 10_000
         before = adapter.lost
-        adapter.send_all([Frame(0x1A0, bytes(8))] * 500)
+        adapter.send_all([CanFrame(0x1A0, bytes(8))] * 500)
         assert adapter.lost - before == 500
         os.write(port, b'C\rO\rt0010\r')  # The next client finds no bytes left over from the previous client.
         assert adapter.recv(60)

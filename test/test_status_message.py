@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnosed import diagnosed
+from diagnosed import diagnosed, status_of
 from rclpy.qos import DurabilityPolicy
 
 from tactile_node.assembly.facts import BusFacts, LossReason, NodeFacts, PadFacts
@@ -28,7 +28,7 @@ from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.errors import TareRefusal
 from tactile_node.ros.diagnostics import BusDiagnostics
 from tactile_node.ros.qos import STATUS_QOS
-from tactile_node.ros.status_message import PrimaryState, status_message
+from tactile_node.ros.status_message import PrimaryState
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 from tactile_skin.srv import Tare
 
@@ -44,7 +44,7 @@ def message(late=0, fault=NodeFault.NONE, **bus):
     pad = PadFacts('left', frames_complete=9, frames_incomplete=1, tpdos_expected=320, tpdos_received=319 + late,
                    tpdos_used=318, losses={LossReason.LATE: late, LossReason.SHORT: 1}, nodes=(node,))
     facts = BusFacts((pad,), error_frames=4, queue_overruns=2, clock_jumps=3, bus_load=0.25, **bus)
-    return status_message(diagnosed(BusDiagnostics('driver', 'can0'), facts), facts)
+    return status_of(facts)
 
 
 def test_counts_and_state_are_in_their_fields():
@@ -107,7 +107,7 @@ def test_code_0_of_a_faulty_taxel_is_not_known():
     (0x05, NodeStatus.NMT_OPERATIONAL), (0x7F, NodeStatus.NMT_PRE_OPERATIONAL), (0x33, NodeStatus.NMT_UNDEFINED)])
 def test_nmt_states_have_their_numbers_and_0_is_not_known(state, number):
     facts = BusFacts((replace(WELL, nodes=(NodeFacts('left', 32, state, True),)),))
-    node, = status_message(diagnosed(BusDiagnostics('driver', 'can0'), facts), facts).pads[0].nodes
+    node, = status_of(facts).pads[0].nodes
     assert node.nmt_state == number and (node.nmt_state == 0) == (state is None)
 
 
@@ -124,17 +124,15 @@ def test_a_faulty_taxel_has_its_code():
     conditions = {'left': PadCondition(FaultyTaxels(kinds))}
     sent = diagnosed(BusDiagnostics('driver', 'can0'), facts, conditions)
     assert [item.value for item in sent.status[1].values if item.key == 'faulty_taxels'] == ['stuck: (1, 0)']
-    taxel, = status_message(sent, facts, conditions).pads[0].faulty_taxels
+    taxel, = status_of(facts, conditions).pads[0].faulty_taxels
     assert (taxel.row, taxel.col, taxel.code, taxel.fault) == (1, 0, FaultyTaxel.STUCK, 'stuck')
 
 
 def test_a_pad_has_the_state_of_its_zero():
     facts = BusFacts((WELL,))
     conditions = {'left': PadCondition(FaultyTaxels(np.zeros((2, 2), np.uint8)), zero=ZeroState.DEVICE_HAS_RESTARTED)}
-    diagnostics = diagnosed(BusDiagnostics('driver', 'can0'), facts, conditions)
-    assert status_message(diagnostics, facts, conditions).pads[0].zero_state \
-        == PadStatus.ZERO_DEVICE_HAS_RESTARTED
-    assert status_message(diagnostics, facts).pads[0].zero_state == PadStatus.ZERO_NOT_KNOWN
+    assert status_of(facts, conditions).pads[0].zero_state == PadStatus.ZERO_DEVICE_HAS_RESTARTED
+    assert status_of(facts).pads[0].zero_state == PadStatus.ZERO_NOT_KNOWN
 
 
 def test_late_subscribers_get_it():

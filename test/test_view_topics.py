@@ -13,7 +13,7 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def nodes():
     from tactile_node.nodes.spinner import Spinner
-    from tactile_node.nodes.view_topics import TopicSource
+    from tactile_node.nodes.topic_source import TopicSource
     source = TopicSource(['left'])
     node = rclpy.create_node('by_hand')
     spinner = Spinner([node])

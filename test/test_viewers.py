@@ -28,7 +28,7 @@ from tactile_node.nodes import view_topics
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.processor_node import ProcessorNode
 from tactile_node.pose.pipeline import FoundContact
-from tactile_node.ros.contact_messages import PadContact, contact_message, pad_frame_of
+from tactile_node.ros.contact_messages import PadContact, pad_frame_of
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.view_messages import (
     ContactMarkers,
@@ -38,7 +38,7 @@ from tactile_node.ros.view_messages import (
     wrench_message,
 )
 from tactile_node.taxel_frame import TaxelStatus
-from tactile_skin.msg import Contact, ContactShape, TaxelArray
+from tactile_skin.msg import ContactShape, TaxelArray
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002
@@ -78,22 +78,21 @@ def pressed(*blocks, hidden=(), value=PRESSED) -> np.ndarray:
     return values
 
 
-def contact_of(message: TaxelArray):
-    """Return the Contact message for ``message``, and the pattern of its contact."""
+def contact_of(message: TaxelArray) -> PadContact:
     def having(code):
         return np.array(message.status).reshape(message.rows, message.cols) == code
     pattern = PatternExtractor(unit=message.unit).extract(
         np.array(message.values).reshape(message.rows, message.cols), saturated=having(TaxelStatus.SATURATED),
         unmapped=having(TaxelStatus.UNMAPPED))
-    found = FoundContact.of(pattern, pad_frame_of(message).taxels)
-    return contact_message(PadContact(pad_frame_of(message), found)), pattern
+    frame = pad_frame_of(message)
+    return PadContact(frame, FoundContact.of(pattern, frame.taxels))
 
 
 # --- Images
 
 def test_an_image_is_the_taxels_row_by_row_with_frame_and_stamp_unchanged():
     message = taxels([[0, 1, 2], [3, NAN, 5]], saturated=[(1, 2)])
-    image = value_image(message)
+    image = value_image(pad_frame_of(message))
     assert (image.height, image.width, image.encoding, image.step, image.is_bigendian) == (2, 3, '32FC1', 12, 0)
     assert len(image.data) == image.height * image.step
     found = struct.unpack('<6f', bytes(image.data))
@@ -103,7 +102,7 @@ def test_an_image_is_the_taxels_row_by_row_with_frame_and_stamp_unchanged():
 
 def test_a_coloured_image_has_three_bytes_for_each_pixel_from_0_to_full_scale():
     message = taxels([[0, 100e3, NAN], [200e3, -5, 90e3]], saturated=[(1, 2)])
-    image = colour_image(message, ColourScale(100e3))
+    image = colour_image(pad_frame_of(message), ColourScale(100e3))
     assert (image.height, image.width, image.encoding, image.step) == (2, 3, 'rgb8', 9)
     nothing, full, grey, green = [0, 0, 4], [252, 255, 164], [128, 128, 128], [60, 210, 80]
     assert np.array(image.data).reshape(2, 3, 3).tolist() == [[nothing, full, grey], [full, nothing, green]]
@@ -145,8 +144,7 @@ def six(message: WrenchStamped) -> list[float]:
 
 
 def wrench(message: TaxelArray) -> list[float]:
-    contact, pattern = contact_of(message)
-    found = wrench_message(contact, pattern)
+    found = wrench_message(contact_of(message))
     assert found.header == message.header
     return six(found)
 
@@ -196,7 +194,7 @@ def test_an_unknown_force_is_nan(message):
 
 # --- Markers
 
-def shape_of(contact: Contact, **fields) -> ContactShape:
+def shape_of(contact: PadContact, **fields) -> ContactShape:
     """Return the shape message for a square of 4 taxels at row 3, column 7, with a matching fit."""
     message = ContactShape(
         header=contact.header, sequence=contact.sequence, shape=ContactShape.SQUARE, class_name='square',
@@ -213,7 +211,7 @@ def shape_of(contact: Contact, **fields) -> ContactShape:
     return message
 
 
-def without_fit(contact: Contact, **fields) -> ContactShape:
+def without_fit(contact: PadContact, **fields) -> ContactShape:
     """Return the classifier's message for UNKNOWN or NONE, which has no outline and a pose of NaN."""
     message = ContactShape(header=contact.header, **fields)
     for part in (message.pose.pose.position, message.centre_of_pressure):
@@ -221,12 +219,12 @@ def without_fit(contact: Contact, **fields) -> ContactShape:
     return message
 
 
-def square(**fields) -> tuple[Contact, ContactShape]:
-    contact, _ = contact_of(taxels(pressed((3, 7, 4, 4))))
+def square(**fields) -> tuple[PadContact, ContactShape]:
+    contact = contact_of(taxels(pressed((3, 7, 4, 4))))
     return contact, shape_of(contact, **fields)
 
 
-def drawn(contact: Contact, shape: ContactShape, lifetime=0.5) -> dict[str, Marker]:
+def drawn(contact: PadContact, shape: ContactShape, lifetime=0.5) -> dict[str, Marker]:
     """Return the added markers by namespace, after checking that RViz can draw each of them."""
     found = ContactMarkers(ColourScale(100e3)).message(contact, shape, lifetime).markers
     assert [marker.ns for marker in found] == NAMESPACES and {marker.id for marker in found} == {0}
@@ -265,7 +263,7 @@ def flat(points) -> list[tuple[float, float]]:
 
 
 def test_every_taxel_is_where_it_is_in_the_colour_of_its_value():
-    contact, _ = contact_of(taxels([[0, 0, 0], [0, 0, NAN]], unmapped=[(0, 1)]))
+    contact = contact_of(taxels([[0, 0, 0], [0, 0, NAN]], unmapped=[(0, 1)]))
     marker = drawn(contact, without_fit(contact, class_name='none', shape=ContactShape.NONE))['taxels']
     # The marker contains no point for the UNMAPPED taxel.
     assert flat(marker.points) == [(0, 0), (0.004, 0), (0, 0.002), (0.002, 0.002), (0.004, 0.002)]
@@ -309,7 +307,7 @@ def test_a_bound_is_not_drawn_as_the_whole():
 def test_without_a_shape_only_taxels_and_name_are_left_of_one_drawn_before(fields, text):
     """RViz and Foxglove keep markers by namespace and id until they are deleted or expire."""
     screen = {}
-    contact, _ = contact_of(taxels(pressed((3, 7, 4, 4))))
+    contact = contact_of(taxels(pressed((3, 7, 4, 4))))
     for shape in (shape_of(contact), without_fit(contact, **fields)):
         for marker in ContactMarkers(ColourScale()).message(contact, shape, 0.5).markers:
             screen.pop((marker.ns, marker.id), None)

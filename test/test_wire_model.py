@@ -8,7 +8,7 @@ import pytest
 from wire import SYNC_ID, Node, carried, frame_seconds
 
 from tactile_node.assembly.assembler import FrameAssembler
-from tactile_node.cia301.frame_bits import Frame
+from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.simulator.device import SimulatedDevice
 from tactile_node.simulator.segment import Segment
 from tactile_node.simulator.skin_simulator import WireNetwork, WireSettings
@@ -17,7 +17,7 @@ from tactile_node.skin.pads import make_pad
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
-START = Frame(0x000, bytes([1, 0]))
+START = CanFrame(0x000, bytes([1, 0]))
 
 
 def answered(syncs, nodes) -> list[tuple[float, int]]:
@@ -29,7 +29,7 @@ def answered(syncs, nodes) -> list[tuple[float, int]]:
     segment.on_carried = lambda frame: ends.append((frame.end, frame.frame.can_id))
     master = segment.join(lambda frame: None)
     for ready in syncs:
-        master.put(ready, Frame(SYNC_ID))
+        master.put(ready, CanFrame(SYNC_ID))
     for node in nodes:
         _join(segment, node)
     segment.run(math.inf)
@@ -47,7 +47,7 @@ def _join(segment: Segment, node: Node) -> None:
             return
         before = sender.skipped
         ready = max(received.end + node.delay(number), last[0])
-        sender.put_sweep(ready, [Frame(can_id, bytes(node.size)) for can_id in node.can_ids], node.most_queued)
+        sender.put_sweep(ready, [CanFrame(can_id, bytes(node.size)) for can_id in node.can_ids], node.most_queued)
         last[0] = ready if sender.skipped == before else last[0]
     sender = segment.join(answer)
 
@@ -118,7 +118,7 @@ class Skin:
     def _enable(self, node_id, layout):
         for number, tpdo in enumerate(layout.tpdos):
             cob_id = tpdo.cob_id.of(node_id).to_bytes(4, 'little')
-            self.host.put(self.segment.now, Frame(0x600 + node_id, bytes([0x23, number, 0x18, 1]) + cob_id))
+            self.host.put(self.segment.now, CanFrame(0x600 + node_id, bytes([0x23, number, 0x18, 1]) + cob_id))
             self.segment.run(self.segment.now + 0.01)
 
     def can_ids(self):
@@ -126,7 +126,7 @@ class Skin:
 
     def play(self, syncs):
         for ready in syncs:
-            self.host.put(ready, Frame(SYNC_ID))
+            self.host.put(ready, CanFrame(SYNC_ID))
         self.segment.run(syncs[-1] + 1.0)
 
 
@@ -173,17 +173,17 @@ def test_the_frames_on_the_wire_are_assembled_in_virtual_time():
 def test_heartbeats_take_part_in_wire_time():
     skin = Skin((32,))
     # Request for a heartbeat every 100 ms.
-    skin.host.put(skin.segment.now, Frame(0x620, bytes.fromhex('2B17100064000000')))
+    skin.host.put(skin.segment.now, CanFrame(0x620, bytes.fromhex('2B17100064000000')))
     begin = skin.segment.now
     skin.segment.run(begin + 10.05)
-    beats = [frame for frame in skin.frames if frame.frame == Frame(0x720, b'\x05')]
+    beats = [frame for frame in skin.frames if frame.frame == CanFrame(0x720, b'\x05')]
     assert len(beats) == 101
     np.testing.assert_allclose(np.diff([frame.start for frame in beats]), 0.1, atol=1e-6)
 
 
 def test_a_device_without_supply_leaves_its_sweep_unsent():
     skin = Skin((32,))
-    skin.host.put(skin.segment.now, Frame(SYNC_ID))
+    skin.host.put(skin.segment.now, CanFrame(SYNC_ID))
     skin.segment.run(skin.segment.now + 0.002)
     sent = len(skin.frames)
     skin.devices[0].power_off()
@@ -227,8 +227,8 @@ def test_a_timer_takes_part_at_its_time():
     segment.on_carried = lambda carried_frame: order.append(carried_frame.frame.can_id)
     busy, urgent = segment.join(lambda carried_frame: None), segment.join(lambda carried_frame: None)
     for _ in range(20):
-        busy.put(0.0, Frame(0x700, bytes(8)))
-    segment.at(2.5 * frame_seconds(8), lambda: urgent.put(segment.now, Frame(0x100)))
+        busy.put(0.0, CanFrame(0x700, bytes(8)))
+    segment.at(2.5 * frame_seconds(8), lambda: urgent.put(segment.now, CanFrame(0x100)))
     segment.run(1.0)
     assert order.index(0x100) == 3
 
@@ -236,11 +236,11 @@ def test_a_timer_takes_part_at_its_time():
 def test_a_queue_without_room_skips_whole_sweeps_and_takes_the_next():
     wire = Wire()
     sender = wire.join(limit=40)
-    sweep = [Frame(0x181 + i) for i in range(16)]
+    sweep = [CanFrame(0x181 + i) for i in range(16)]
     for _ in range(3):
         sender.put_sweep(0.0, sweep, most=9)
     for _ in range(10):
-        sender.put(0.0, Frame(0x701))
+        sender.put(0.0, CanFrame(0x701))
     assert (sender.queued, sender.skipped, sender.refused) == (2, 1, 2)
     assert [frame.frame.can_id for frame in advance(wire, 1.0)] == [*range(0x181, 0x191)] * 2 + [0x701] * 8
     sender.put_sweep(1.0, sweep, most=1)
@@ -253,9 +253,9 @@ def test_behind_a_gateway_several_hosts_arbitrate():
         wire = Wire()
         gateway = wire.join(by_priority=by_priority)
         for _ in range(50):
-            gateway.put(0.0, Frame(0x0A0, bytes(8)))
+            gateway.put(0.0, CanFrame(0x0A0, bytes(8)))
         first = wire.carry(frame_seconds(8))
-        gateway.put(frame_seconds(8) / 2, Frame(SYNC_ID))
+        gateway.put(frame_seconds(8) / 2, CanFrame(SYNC_ID))
         order = [first, *advance(wire, 1.0)]
         assert [frame.frame.can_id for frame in order].index(SYNC_ID) == place
 
@@ -269,7 +269,7 @@ def test_a_participant_that_fails_does_not_stop_the_wire(caplog):
     segment.join(received.append)
     host = segment.join(lambda carried_frame: None)
     segment.at(0.5, lambda: fail(None))
-    host.put(0.0, Frame(0x600, b'\x01'))
-    host.put(0.6, Frame(0x601, b'\x01'))
+    host.put(0.0, CanFrame(0x600, b'\x01'))
+    host.put(0.6, CanFrame(0x601, b'\x01'))
     segment.run(1.0)
     assert [carried_frame.frame.can_id for carried_frame in received] == [0x600, 0x601] and len(caplog.records) == 3

@@ -12,7 +12,7 @@ import numpy as np
 from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.cia301.objects import SDO_REQUEST, SDO_RESPONSE
-from tactile_node.cia301.sdo import SdoUpload, Step
+from tactile_node.cia301.sdo import SdoUpload, UploadStep
 from tactile_node.skin.layout import DomainLayout, SkinLayout
 
 
@@ -43,7 +43,7 @@ class DomainAssembler(PadAssembler):
         if can_id == self._response_id:
             return self._take(self._upload.response(data))
         step = self._upload.request(data)
-        if step is not Step.BEGUN:
+        if step is not UploadStep.BEGUN:
             return self._take(step)
         frames = self.end_period()
         self._sequence += 1
@@ -59,12 +59,12 @@ class DomainAssembler(PadAssembler):
             self._lose_upload(LossReason.UNFINISHED)
         self._stamp = None
 
-    def _take(self, step: Step) -> Frames:
+    def _take(self, step: UploadStep) -> Frames:
         if self._stamp is None:
             return ()
-        if step is Step.BROKEN:
+        if step is UploadStep.BROKEN:
             return self._lose_upload(LossReason.BROKEN)
-        if step is not Step.DONE:
+        if step is not UploadStep.DONE:
             return ()
         data, wanted = self._upload.data, self._codec.payload_bytes
         if len(data) != wanted:

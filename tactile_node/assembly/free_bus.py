@@ -6,7 +6,7 @@ long enough.
 
 from math import ceil, inf
 
-from tactile_node.cia301.frame_bits import Frame, worst_case_bits
+from tactile_node.cia301.frame_bits import CanFrame, worst_case_bits
 
 #: Time for which the bus must be free [s]. Adapters hold frames back for at most 2 ms, and a busy device pauses for
 #: less than this time between two TPDOs.
@@ -38,7 +38,7 @@ class FreeBus:
     """
 
     def __init__(self, bitrate: int):
-        self._frame_time = worst_case_bits(Frame(0, bytes(8), is_extended=True)) / bitrate
+        self._frame_time = worst_case_bits(CanFrame(0, bytes(8), is_extended=True)) / bitrate
         self._free_time = FREE_TIME + self._frame_time  # a frame may be on the bus when the time is measured
         self.restart()
 

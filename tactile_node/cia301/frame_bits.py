@@ -12,7 +12,7 @@ CRC_BITS = 15
 UNSTUFFED_BITS = 1 + 2 + 7 + 3
 
 
-class Frame(NamedTuple):
+class CanFrame(NamedTuple):
     """A classical CAN frame. A remote frame carries no data and requests ``requested`` bytes."""
 
     can_id: int
@@ -26,13 +26,14 @@ class Frame(NamedTuple):
         return self.requested if self.is_remote else len(self.data)
 
 
-def arbitration(frame: Frame) -> int:
+def arbitration(frame: CanFrame) -> int:
     """Return the arbitration field as a number. The frame with the lowest number wins arbitration.
 
     A standard frame wins over an extended frame whose first eleven bits are equal. A data frame wins over a remote
     frame with the same identifier.
 
-    >>> frames = [Frame(0x100 << 18, is_extended=True), Frame(0x100, is_remote=True), Frame(0x101), Frame(0x100)]
+    >>> frames = [CanFrame(0x100 << 18, is_extended=True), CanFrame(0x100, is_remote=True), CanFrame(0x101),
+    ...           CanFrame(0x100)]
     >>> [frames.index(frame) for frame in sorted(frames, key=arbitration)]
     [3, 1, 0, 2]
     """
@@ -42,10 +43,10 @@ def arbitration(frame: Frame) -> int:
     return base << 21 | 0b11 << 19 | rest << 1 | frame.is_remote
 
 
-def worst_case_bits(frame: Frame) -> int:
+def worst_case_bits(frame: CanFrame) -> int:
     """Return the largest number of bits that a frame of this length can take, including stuff bits.
 
-    >>> worst_case_bits(Frame(0x080)), worst_case_bits(Frame(0x1A0, bytes(8)))
+    >>> worst_case_bits(CanFrame(0x080)), worst_case_bits(CanFrame(0x1A0, bytes(8)))
     (55, 135)
     """
     stuffed = (39 if frame.is_extended else 19) + 8 * len(frame.data) + CRC_BITS
@@ -65,4 +66,4 @@ def load_bits(size: int, is_extended: bool = False, is_remote: bool = False) -> 
     is_remote
         True for a remote frame, which has no data.
     """
-    return worst_case_bits(Frame(0, b'' if is_remote else bytes(min(size, 8)), is_extended))
+    return worst_case_bits(CanFrame(0, b'' if is_remote else bytes(min(size, 8)), is_extended))

@@ -53,7 +53,7 @@ def written_object(request: bytes) -> int | None:
     return int.from_bytes(request[1:3], 'little') if is_write else None
 
 
-class Step(Enum):
+class UploadStep(Enum):
     """Effect that a frame has on the upload."""
 
     NOTHING = 0
@@ -89,28 +89,28 @@ class SdoUpload:
     def is_under_way(self) -> bool:
         return self._waiting is not _Waiting.NOTHING
 
-    def request(self, frame: bytes) -> Step:
+    def request(self, frame: bytes) -> UploadStep:
         """Process a frame from the client and return its effect."""
         command = frame[0] if len(frame) == SDO_BYTES else constants.REQUEST_ABORTED
         is_block = command & BLOCK_COMMAND == INITIATE_BLOCK_REQUEST
         if (is_block or command & COMMAND == constants.REQUEST_UPLOAD) and frame[1:4] == self._object:
             self._begin(is_block and bool(command & constants.CRC_SUPPORTED))
-            return Step.BEGUN
+            return UploadStep.BEGUN
         if not self.is_under_way:
-            return Step.NOTHING
+            return UploadStep.NOTHING
         if command == START_BLOCK_REQUEST and self._waiting is _Waiting.START:
             self._waiting = _Waiting.BLOCK
-            return Step.NOTHING
+            return UploadStep.NOTHING
         if command == ACKNOWLEDGE_BLOCK_REQUEST and self._waiting is _Waiting.BLOCK:
             return self._acknowledge(frame[1])
         if command & COMMAND == constants.REQUEST_SEGMENT_UPLOAD and self._waiting is _Waiting.SEGMENT:
-            return Step.NOTHING
+            return UploadStep.NOTHING
         return self._break()  # the upload was aborted, or the channel now transfers another object
 
-    def response(self, frame: bytes) -> Step:
+    def response(self, frame: bytes) -> UploadStep:
         """Process a frame from the server and return its effect."""
         if not self.is_under_way:
-            return Step.NOTHING
+            return UploadStep.NOTHING
         if len(frame) != SDO_BYTES or frame[0] == constants.RESPONSE_ABORTED:
             return self._break()
         if self._waiting is _Waiting.ANSWER:
@@ -131,7 +131,7 @@ class SdoUpload:
         self._has_last = False
         self._client_has_crc = client_has_crc
 
-    def _answer(self, frame: bytes) -> Step:
+    def _answer(self, frame: bytes) -> UploadStep:
         command = frame[0]
         kind = command & COMMAND
         if frame[1:4] != self._object or kind not in (constants.RESPONSE_UPLOAD, constants.RESPONSE_BLOCK_UPLOAD):
@@ -139,31 +139,31 @@ class SdoUpload:
         if kind == constants.RESPONSE_BLOCK_UPLOAD:
             self._waiting = _Waiting.START
             self._has_crc = self._client_has_crc and bool(command & constants.CRC_SUPPORTED)
-            return Step.NOTHING
+            return UploadStep.NOTHING
         if not command & constants.EXPEDITED:
             self._waiting = _Waiting.SEGMENT
-            return Step.NOTHING
+            return UploadStep.NOTHING
         unused = command >> 2 & 3 if command & constants.SIZE_SPECIFIED else 0
         self._buffer += frame[4:SDO_BYTES - unused]
         return self._finish()
 
-    def _segment(self, frame: bytes) -> Step:
+    def _segment(self, frame: bytes) -> UploadStep:
         if frame[0] & constants.TOGGLE_BIT != self._toggle:  # a segment was lost or duplicated
             return self._break()
         self._toggle ^= constants.TOGGLE_BIT
         unused = frame[0] >> 1 & 7
         self._buffer += frame[1:SDO_BYTES - unused]
-        return self._finish() if frame[0] & constants.NO_MORE_DATA else Step.NOTHING
+        return self._finish() if frame[0] & constants.NO_MORE_DATA else UploadStep.NOTHING
 
-    def _block_segment(self, frame: bytes) -> Step:
+    def _block_segment(self, frame: bytes) -> UploadStep:
         """Store a segment if it is the next one in the sequence. After a gap, the server repeats all following
         segments."""
         if frame[0] & ~constants.NO_MORE_BLOCKS == len(self._segments) + 1:
             self._segments.append(frame[1:])
             self._has_last = bool(frame[0] & constants.NO_MORE_BLOCKS)
-        return Step.NOTHING
+        return UploadStep.NOTHING
 
-    def _acknowledge(self, count: int) -> Step:
+    def _acknowledge(self, count: int) -> UploadStep:
         """Process the client's acknowledgement of ``count`` segments.
 
         The client may have received more segments than we did.
@@ -176,9 +176,9 @@ class SdoUpload:
         self._has_last = False
         if is_last:
             self._waiting = _Waiting.END
-        return Step.NOTHING
+        return UploadStep.NOTHING
 
-    def _end_block(self, frame: bytes) -> Step:
+    def _end_block(self, frame: bytes) -> UploadStep:
         unused = frame[0] >> 2 & 7
         if unused:
             del self._buffer[-unused:]
@@ -186,11 +186,11 @@ class SdoUpload:
             return self._break()
         return self._finish()
 
-    def _finish(self) -> Step:
+    def _finish(self) -> UploadStep:
         self._waiting = _Waiting.NOTHING
         self.data = bytes(self._buffer)
-        return Step.DONE
+        return UploadStep.DONE
 
-    def _break(self) -> Step:
+    def _break(self) -> UploadStep:
         self._waiting = _Waiting.NOTHING
-        return Step.BROKEN
+        return UploadStep.BROKEN

@@ -11,11 +11,11 @@ from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.movement import StopWay
 from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.taxel_survey import TaxelFinding
-from tactile_node.viewing.chart import DOT_WIDTH, LINE_WIDTH, POINT_COLOURS, Frame, Series, ticks
+from tactile_node.viewing.chart import DOT_WIDTH, LINE_WIDTH, POINT_COLOURS, PlotArea, Series, ticks
 from tactile_node.viewing.pad_picture import taxel_map
 from tactile_node.viewing.templates import shared
 
-FRAME = Frame(760, 220, 70, 20, 12, 24)
+FRAME = PlotArea(760, 220, 70, 20, 12, 24)
 PAD_WIDTH = 380  #: [pixels]
 BLUE, ORANGE, GREEN, VIOLET = POINT_COLOURS
 LINE = np.inf  #: gap of a series that is drawn as a line

@@ -88,7 +88,7 @@ def source_of(args: argparse.Namespace) -> ViewSource:
         return BusSource(bus_settings_of(args), live_pads_of(args, args.pads or ()), recogniser_of(args))
     _refuse_ignored(args, TOPICS, 'Name a bus with --interface, or leave these options out. For topics, the classifier '
                     'node has the model as a parameter.')
-    from tactile_node.nodes.view_topics import TopicSource  # the other sources do not need rclpy
+    from tactile_node.nodes.topic_source import TopicSource  # the other sources do not need rclpy
     return TopicSource(args.pads or (), args.namespace)
 
 

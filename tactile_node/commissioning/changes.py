@@ -43,7 +43,7 @@ class Change(Enum):
     SPEED = 'the gripper moves at another speed'
 
 
-class Finding(NamedTuple):
+class FoundChange(NamedTuple):
     """One change since the first commissioning."""
 
     change: Change
@@ -55,7 +55,7 @@ class Finding(NamedTuple):
         return f'{self.where}: {self.change.value}: {self.now}, was {self.before}'
 
 
-def find_changes(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan) -> list[Finding]:
+def find_changes(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan) -> list[FoundChange]:
     """Return the changes between two records that contain the steps COMPARED.
 
     The function identifies a pad by its serial number and by the pattern of its zero over the taxels. After a tare, the
@@ -68,7 +68,7 @@ def find_changes(first: CommissioningRecord, check: CommissioningRecord, plan: C
     plan : CommissioningPlan
         Plan of the first commissioning.
     """
-    pads = [] if first['pads']['order'] == check['pads']['order'] else [Finding(
+    pads = [] if first['pads']['order'] == check['pads']['order'] else [FoundChange(
         Change.PADS_SWAPPED, 'pads', _left_pad(first), _left_pad(check))]
     partners = _partners(first, check)
     for now, then in enumerate(partners):
@@ -120,41 +120,41 @@ def _mountings(record: CommissioningRecord) -> dict[int, PadMounting]:
     return {pad: PadMounting(*each) for pad, each in zip(record['pads']['order'], record['pads']['mountings'])}
 
 
-def _changes_of_pad(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> list[Finding]:
+def _changes_of_pad(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> list[FoundChange]:
     where = f'pad {now + 1} of the driver'
     found = []
     before, after = _mountings(first)[then], _mountings(check)[now]
     if before != after:
-        found.append(Finding(Change.PAD_TURNED, where, str(before), str(after)))
+        found.append(FoundChange(Change.PAD_TURNED, where, str(before), str(after)))
     likeness = _correlation(first, check, then, now)
     serials = first.serial_numbers[then], check.serial_numbers[now]
     if all(serials) and serials[0] != serials[1]:
-        found.append(Finding(Change.PAD_EXCHANGED, where, *(f'serial number {each}' for each in serials)))
+        found.append(FoundChange(Change.PAD_EXCHANGED, where, *(f'serial number {each}' for each in serials)))
     elif likeness < OTHER_PAD:
-        found.append(Finding(Change.PAD_EXCHANGED, where, 'at least 0.7 for the same pad',
-                             f'correlation of the zeros {likeness:.2f}'))
+        found.append(FoundChange(Change.PAD_EXCHANGED, where, 'at least 0.7 for the same pad',
+                                 f'correlation of the zeros {likeness:.2f}'))
     else:
         zeros = _zeros(first, check, then, now)
         change = np.abs(zeros[1] - zeros[0])
         if (change > MOST_DRIFT).any():
-            found.append(Finding(Change.ZERO_DRIFTED, where, '0 N', f'up to {change.max():.3f} N on '
-                                 f'{np.count_nonzero(change > MOST_DRIFT)} taxels'))
+            found.append(FoundChange(Change.ZERO_DRIFTED, where, '0 N', f'up to {change.max():.3f} N on '
+                                     f'{np.count_nonzero(change > MOST_DRIFT)} taxels'))
     lost = (_taxels(first)[then] == TaxelFinding.WORKS) & (_taxels(check)[now] == TaxelFinding.FAULTY)
-    found += [Finding(Change.TAXEL_LOST, f'{where}, taxel ({row}, {col})', 'working', 'still while its neighbours move')
-              for row, col in np.argwhere(lost)]
+    found += [FoundChange(Change.TAXEL_LOST, f'{where}, taxel ({row}, {col})', 'working',
+                          'still while its neighbours move') for row, col in np.argwhere(lost)]
     rates = [record['rest']['pads'][pad]['rate'] for record, pad in ((first, then), (check, now))]
     if abs(rates[1] - rates[0]) > RATE_CHANGE * rates[0]:
-        found.append(Finding(Change.FRAME_RATE, where, f'{rates[0]:.4g} Hz', f'{rates[1]:.4g} Hz'))
+        found.append(FoundChange(Change.FRAME_RATE, where, f'{rates[0]:.4g} Hz', f'{rates[1]:.4g} Hz'))
     return found
 
 
 def _changes_of_gripper(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan
-                        ) -> list[Finding]:
+                        ) -> list[FoundChange]:
     before, now, found = Evaluation(first, plan), Evaluation(check, plan), []
     rising = [record['first movement']['opens_rising'] for record in (first, check)]
     if rising[0] != rising[1]:
         words = ['opens as the reading rises' if each else 'opens as the reading falls' for each in rising]
-        found.append(Finding(Change.DIRECTION, 'gripper', *words))
+        found.append(FoundChange(Change.DIRECTION, 'gripper', *words))
     period = max(record['stops']['period'] for record in (first, check))
     started, starts = ([trial.started for way in StopWay for trial in each.trials(way)] for each in (now, before))
     if max(started) > (limit := largest_expected(starts, [starts], period, len(started))):
@@ -165,14 +165,14 @@ def _changes_of_gripper(first: CommissioningRecord, check: CommissioningRecord, 
         where, count = f'stop by {way.value}', now.stop_count(way)
         latest = max(trial.stopped for trial in now.trials(way))
         if not count.is_reliable:
-            found.append(Finding(Change.STOP_FAILS, where, 'no failed stop',
-                                 f'{count.stopped} of {count.trials} stopped'))
+            found.append(FoundChange(Change.STOP_FAILS, where, 'no failed stop',
+                                     f'{count.stopped} of {count.trials} stopped'))
         elif latest > (limit := largest_expected(times, list(stops.values()), period, count.trials)):
             found.append(_later(Change.STOPS_LATER, where, limit, latest))
     speeds = [Estimate(*record['stops']['speed']) for record in (first, check)]
     change = abs(speeds[1].value - speeds[0].value)
     if change > max(RATE_CHANGE * speeds[0].value, SPEED_SIGMAS * np.hypot(speeds[0].deviation, speeds[1].deviation)):
-        found.append(Finding(Change.SPEED, 'gripper', *(f'{each.value:.4g} {plan.unit}/s' for each in speeds)))
+        found.append(FoundChange(Change.SPEED, 'gripper', *(f'{each.value:.4g} {plan.unit}/s' for each in speeds)))
     return found
 
 
@@ -200,6 +200,6 @@ def largest_expected(before: Sequence[float], groups: Sequence[Sequence[float]],
     return float(np.mean(before)) + max(spread, PHASE * period)
 
 
-def _later(change: Change, where: str, before: float, now: float) -> Finding:
-    """Return the finding that the time ``now`` [s] exceeds the limit ``before`` [s]."""
-    return Finding(change, where, f'at most {1e3 * before:.0f} ms', f'at least {1e3 * now:.0f} ms')
+def _later(change: Change, where: str, before: float, now: float) -> FoundChange:
+    """Return the change that the time ``now`` [s] exceeds the limit ``before`` [s]."""
+    return FoundChange(change, where, f'at most {1e3 * before:.0f} ms', f'at least {1e3 * now:.0f} ms')

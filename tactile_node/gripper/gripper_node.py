@@ -85,7 +85,7 @@ class GripperNode(Node):
         self._control = TouchControl(settings, self._client, self._watch, self._on_end, why_unseen=self._why_unseen,
                                      commands_speed=self._interface.commands_speed, steady=steady)
         self._grasps = GuardedSubscription(self, Grasp, 'grasp', self._on_grasp, settings.input_qos, check=check_grasp,
-                                           newest_only=True, steady=steady)
+                                           newest_only=True, lossless=settings.lossless, steady=steady)
         MessageHealth(self, [self._grasps], settings)
         publish_status(self, self._status)
         # The timers use the steady clock, because with use_sim_time and no /clock, the node could not stop a closing
@@ -146,7 +146,8 @@ class GripperNode(Node):
 
     def _listen_to_sides(self, callback: Callable[[GraspSides], None]) -> GuardedSubscription[GraspSides]:
         return GuardedSubscription(self, GraspSides, 'grasp_sides', callback, self._settings.input_qos,
-                                   check=check_grasp_sides, newest_only=True, steady=self._steady)
+                                   check=check_grasp_sides, newest_only=True, lossless=self._settings.lossless,
+                                   steady=self._steady)
 
     def _look(self) -> None:
         self._control.look()

@@ -10,7 +10,7 @@ from tactile_node.errors import ConfigurationError, RefusedGoalError
 from tactile_node.grasp.tracker import GraspContact, SideState
 from tactile_node.gripper.rules.closing import ForceReading, TouchReading
 from tactile_node.gripper.rules.put_down import HeldContact, HeldReading
-from tactile_node.ros.grasp_messages import contact_pitch
+from tactile_node.ros.shape_messages import contact_pitch, fitted_angle
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
 INTERFACES = PARALLEL, SINGLE = 'ParallelGripperCommand', 'GripperCommand'
@@ -185,5 +185,4 @@ def _held_contact(side: ContactShape) -> HeldContact | None:
     contact = HeldContact((place.x, place.y), side.pad_force, contact_pitch(side))
     if not side.fit_valid:
         return contact
-    turn = side.pose.pose.orientation
-    return contact._replace(outline=side.class_name, angle=2 * math.atan2(turn.z, turn.w), symmetry=side.symmetry)
+    return contact._replace(outline=side.class_name, angle=fitted_angle(side), symmetry=side.symmetry)

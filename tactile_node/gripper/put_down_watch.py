@@ -64,7 +64,7 @@ class PutDownWatch:
                  settings: GripperSettings, *, steady: Callable[[], float] = time.monotonic):
         self._node, self._listen, self._control, self._duplicates = node, listen, control, duplicates
         self._settings, self._steady = settings, steady
-        self._goal: _Goal | None = None
+        self._goal: _RunningPutDown | None = None
         # The timer uses the steady clock, because with use_sim_time and no /clock, a goal would never time out.
         self._timer = node.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
@@ -85,7 +85,7 @@ class PutDownWatch:
         if self._goal is not None:
             self._end(self._goal, PutDownOutcome.REPLACED)
         rules = PutDown(self._steady(), timeout, self._settings.max_age)
-        self._goal = _Goal(self._node, handle, rules, self._listen, self._steady)
+        self._goal = _RunningPutDown(self._node, handle, rules, self._listen, self._steady)
         self._control.suspends_hold = True
         self._timer.reset()
 
@@ -99,7 +99,7 @@ class PutDownWatch:
         elif goal.rules.used > goal.published:
             goal.publish_feedback()
 
-    def _outcome(self, goal: '_Goal') -> PutDownOutcome | None:
+    def _outcome(self, goal: '_RunningPutDown') -> PutDownOutcome | None:
         if goal.handle.is_cancel_requested:
             return PutDownOutcome.CANCELED
         if self._duplicates.text:
@@ -107,7 +107,7 @@ class PutDownWatch:
             return PutDownOutcome.DUPLICATE
         return goal.rules.look(self._steady(), goal.reading, is_resting=self._control.is_resting)
 
-    def _end(self, goal: '_Goal', outcome: PutDownOutcome) -> None:
+    def _end(self, goal: '_RunningPutDown', outcome: PutDownOutcome) -> None:
         goal.destroy()
         self._goal, self._control.suspends_hold = None, False
         self._timer.cancel()
@@ -127,7 +127,7 @@ class PutDownWatch:
         handle.execute(execute)
 
 
-class _Goal:
+class _RunningPutDown:
     """A goal in progress, with the latest reading of the pads."""
 
     def __init__(self, node: Node, handle: ServerGoalHandle, rules: PutDown, listen: Listen,

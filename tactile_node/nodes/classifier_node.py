@@ -59,7 +59,7 @@ class ClassifierNode(StageNode):
         qos = self._settings.qos
         self.recognised = 0  #: number of contacts for which a shape was published
         self._shapes: StageOutput[PadShape] = StageOutput(self, ContactShape, 'shape', self._settings,
-                                                          lambda shape: shape.whole, self._stages)
+                                                          lambda shape: shape.complete_message, self._stages)
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
         self._all_shapes = self.create_publisher(ContactShapes, 'shapes', qos)
         self._events = self.create_publisher(ContactEvent, 'events',
@@ -75,32 +75,32 @@ class ClassifierNode(StageNode):
         result = self._pipeline.recognise(contact.found, seconds(contact.header.stamp))
         arrival = self._contacts.arrival
         shape = self._shape(contact, result, arrival)
-        shape.bare.left_out = self._contacts.left_out
+        shape.message.left_out = self._contacts.left_out
         self._shapes.send(shape, arrival.acquired)
-        if shape.bare.fit_valid and is_wanted(self._poses, self._settings.lossless):
-            self._poses.publish(pose_message(shape.bare))
+        if shape.message.fit_valid and is_wanted(self._poses, self._settings.lossless):
+            self._poses.publish(pose_message(shape.message))
         for event in result.motion.events:
             self._events.publish(event_message(event, contact.header, contact.sequence, _age(arrival)))
         self.recognised += 1
         if self._view.is_wanted or is_wanted(self._all_shapes, self._settings.lossless):
-            self._contacts.postpone(lambda: self._publish_more(contact, result, shape.bare, arrival))
+            self._contacts.postpone(lambda: self._publish_more(contact, result, shape, arrival))
 
-    def _publish_more(self, contact: PadContact, result: StreamedContact, bare: ContactShape, arrival: Arrival) -> None:
+    def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, arrival: Arrival) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
         if is_wanted(self._all_shapes, self._settings.lossless):
             self._publish_all(contact, result, arrival)
-        self._view.publish(contact, bare)
+        self._view.publish(contact, shape.message)
 
     def _publish_all(self, contact: PadContact, largest: StreamedContact, arrival: Arrival) -> None:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)
-        shapes = [self._shape(contact, each, arrival).whole for each in results]
+        shapes = [self._shape(contact, each, arrival).complete_message for each in results]
         together = shapes_message(contact, largest.contact.contacts, shapes)
         together.age = _age(arrival)
         self._all_shapes.publish(together)
 
     def _shape(self, contact: PadContact, result: StreamedContact, arrival: Arrival) -> PadShape:
         shape = pad_shape(contact.frame, result, self._settings.method, self._settings.solid_height)
-        shape.bare.age = _age(arrival)
+        shape.message.age = _age(arrival)
         return shape
 
 

@@ -105,7 +105,7 @@ class GraspNode(StageNode):
         arrival = self._shapes[side].arrival
         stamp = seconds(shape.header.stamp)
         acquired = stamp if self._settings.lossless else arrival.acquired
-        result, opening = side_result(shape.bare, acquired), self._opening.current()
+        result, opening = side_result(shape.message, acquired), self._opening.current()
         with self._lock:
             self._arrivals[side] = arrival
             self._latest[side] = shape
@@ -149,7 +149,7 @@ class GraspNode(StageNode):
             self._publisher.publish(current.message())
         if is_wanted(self._sides_publisher, self._settings.lossless):
             self._sides_publisher.publish(sides_message(
-                state, [self._latest[side].whole for side in SIDES], self._settings.frame, self._ages()))
+                state, [self._latest[side].complete_message for side in SIDES], self._settings.frame, self._ages()))
         if self._requests is not None:
             self._requests.wake()
 
@@ -167,7 +167,7 @@ class GraspNode(StageNode):
             return self._described(self._tracker.state(math.inf if has_ended else self._now(), opening.gap), opening)
 
     def _described(self, state: GraspState, opening: Opening) -> CurrentGrasp:
-        sides = [self._latest[side].bare for side in SIDES]
+        sides = [self._latest[side].message for side in SIDES]
         return CurrentGrasp(state, sides, lambda: grasp_message(state, sides, opening, self._settings.frame,
                                                                 self._ages(), self._gripper))
 

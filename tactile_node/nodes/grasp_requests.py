@@ -42,7 +42,7 @@ class CurrentGrasp(NamedTuple):
 
 
 @dataclass
-class _Goal:
+class _WaitingGoal:
     handle: ServerGoalHandle
     requirement: Requirement
     deadline: float  #: time on the steady clock at which the goal times out [s]
@@ -73,7 +73,7 @@ class GraspRequests:
                  steady: Callable[[], float] = time.monotonic):
         self._steady = steady
         self._current = current
-        self._goals: list[_Goal] = []
+        self._goals: list[_WaitingGoal] = []
         self._server = ActionServer(
             node, WaitForGrasp, '~/wait_for_grasp', execute_callback=lambda handle: WaitForGrasp.Result(),
             handle_accepted_callback=self._on_accepted,
@@ -119,7 +119,7 @@ class GraspRequests:
             handle.execute(lambda handle, error=error: self._refuse(handle, error))
             return
         allow_feedback(handle)
-        self._goals.append(_Goal(handle, requirement, self._steady() + timeout))
+        self._goals.append(_WaitingGoal(handle, requirement, self._steady() + timeout))
         self._timer.reset()
         self._look()
 
@@ -130,7 +130,7 @@ class GraspRequests:
         handle.abort()
         return result
 
-    def _finish(self, goal: _Goal) -> WaitForGrasp.Result:
+    def _finish(self, goal: _WaitingGoal) -> WaitForGrasp.Result:
         """Reply with the current grasp, because the grasp may have changed since ``look`` if the executor was busy."""
         current, handle, result = self._current(), goal.handle, WaitForGrasp.Result()
         found = current.missing(goal.requirement)

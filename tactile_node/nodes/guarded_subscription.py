@@ -11,7 +11,6 @@ from rclpy.subscription import Subscription
 from tactile_node.nodes.guarded_input import GuardedInput
 from tactile_node.nodes.message_guard import MessageGuard
 from tactile_node.ros.message_checks import Check, Message
-from tactile_node.ros.qos import is_lossless
 
 
 class GuardedSubscription(GuardedInput, Generic[Message]):
@@ -34,18 +33,20 @@ class GuardedSubscription(GuardedInput, Generic[Message]):
     newest_only : bool
         True to call the callback only with the newest waiting message, and to count the other waiting messages as
         overtaken. In a lossless replay, the callback always gets all messages.
+    lossless : bool
+        True for a lossless replay.
     steady : callable
         Steady clock that gives the arrival times [s].
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, callback: Callable[[Message], None],
                  qos: QoSProfile, *, check: Check[Message], newest_only: bool = False,
-                 steady: Callable[[], float] = time.monotonic):
+                 lossless: bool = False, steady: Callable[[], float] = time.monotonic):
         self._node = node
         self._callback = callback
-        self._takes_newest = newest_only and not is_lossless(qos)
+        self._takes_newest = newest_only and not lossless
         full = node.resolve_topic_name(topic)
-        super().__init__(full, MessageGuard(node, kind, full, qos, check, steady))
+        super().__init__(full, MessageGuard(node, kind, full, check, lossless=lossless, steady=steady))
         self._subscription: Subscription = node.create_subscription(kind, topic, self._on_message, qos)
 
     def destroy(self) -> None:

@@ -8,13 +8,11 @@ from collections.abc import Callable, Sequence
 from typing import Any, Generic, Protocol, TypeAlias, TypeGuard
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 
 from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
 from tactile_node.ros.message_checks import Check, Message, RejectReason
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
-from tactile_node.ros.qos import is_lossless
 from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.source_guard import SourceGuard, StampGuard
 from tactile_node.ros.time_messages import seconds
@@ -60,10 +58,10 @@ class MessageGuard(Generic[Message]):
         Type of the messages.
     topic : str
         Full name of the topic.
-    qos : QoSProfile
-        QoS of the subscription.
     check : callable
         Function that returns the reason why a message cannot be used, or None.
+    lossless : bool
+        True for a lossless replay.
     steady : callable
         Steady clock that gives the arrival times [s].
 
@@ -72,10 +70,10 @@ class MessageGuard(Generic[Message]):
     publishers : int
         Number of publishers of the topic at the last call of `count_publishers`.
     left_out : int
-        Number of frames directly before the current message that this node or an earlier node skipped on purpose.
+        Number of frames directly before the current message that were overtaken at this node or at an earlier node.
     """
 
-    def __init__(self, node: Node, kind: type[Message], topic: str, qos: QoSProfile, check: Check[Message],
+    def __init__(self, node: Node, kind: type[Message], topic: str, check: Check[Message], *, lossless: bool = False,
                  steady: Callable[[], float] = time.monotonic):
         self._node, self._topic, self._check, self._steady = node, topic, check, steady
         self._received = 0
@@ -83,9 +81,9 @@ class MessageGuard(Generic[Message]):
         self._dropped: Counter[RejectReason] = Counter()
         self._throttles: defaultdict[RejectReason, LogThrottle] = defaultdict(LogThrottle)
         self._kind_is_of_chain = all(hasattr(kind, field) for field in ('header', 'age', 'sequence'))
-        self._stamps = None if is_lossless(qos) else StampGuard()
-        self._sources = None if is_lossless(qos) else SourceGuard()
-        self._age = InputAge(lossless=is_lossless(qos), steady=steady)
+        self._stamps = None if lossless else StampGuard()
+        self._sources = None if lossless else SourceGuard()
+        self._age = InputAge(lossless=lossless, steady=steady)
         self._arrival: Arrival | None = None  # arrival of the last message that was used
         self._sequence: int | None = None  # sequence number of the last message that was used
         self._stamp = 0.0  # stamp of the last message that was used, on the sender's clock [s]
@@ -230,7 +228,7 @@ def frame_key(message: Any) -> FrameKey:
 
 
 def _left_out_before(message: object) -> int:
-    """Return the number of frames before ``message`` that its sender skipped on purpose.
+    """Return the number of frames before ``message`` that were overtaken at its sender or at an earlier node.
 
     Returns 0 for a message type without this number.
     """

@@ -129,13 +129,14 @@ class StageInput(GuardedInput, Generic[Message, Result]):
         qos = settings.input_qos
         self._steady = steady
         full = node.resolve_topic_name(topic)
-        super().__init__(full, MessageGuard(node, kind, full, qos, check, steady))
+        super().__init__(full, MessageGuard(node, kind, full, check, lossless=settings.lossless,
+                                            steady=steady))
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
         # usable results that wait for ``step``, each after the results that it has overtaken
         self._waiting: deque[list[Result]] = deque()
         # messages of this process that may come back over the topic
-        self._own: deque[FrameKey] = deque(maxlen=2 * settings.input_qos.depth)
+        self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
         self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
         self.sends_on: str | None = None
@@ -145,7 +146,7 @@ class StageInput(GuardedInput, Generic[Message, Result]):
 
     @property
     def left_out(self) -> int:
-        """Number of frames directly before the current result that this stage or an earlier one skipped on purpose."""
+        """Number of frames directly before the current result that were overtaken at this stage or an earlier one."""
         return self._guard.left_out
 
     @property

@@ -86,10 +86,11 @@ class StatePublisher:
             self._publish(state, findings)
 
     def _publish(self, state: DriverState, findings: tuple[Finding, ...]) -> None:
-        message = self._findings.message_of(findings, state.facts, state.conditions)
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
-        self._status.publish(status_message(message, state.facts, state.conditions, state.lifecycle))
+        diagnostics = self._findings.message_of(findings, state.facts, state.conditions)
+        status = status_message(findings, state.facts, state.conditions, state.lifecycle)
+        diagnostics.header.stamp = status.header.stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(diagnostics)
+        self._status.publish(status)
 
 
 def _key(state: DriverState, findings: tuple[Finding, ...]) -> Hashable:

@@ -40,7 +40,7 @@ class PadContact(NamedTuple):
 
     frame: PadFrame
     found: FoundContact
-    left_out: int = 0  #: number of frames before this one that were skipped on purpose
+    left_out: int = 0  #: number of frames before this one that newer frames have overtaken
 
     @property
     def header(self) -> Header:
@@ -93,16 +93,24 @@ def find_in(frame: PadFrame, pipeline: ContactPipeline) -> FoundContact:
     return found._replace(pattern=found.pattern._replace(noise=known))
 
 
+def without_left_over(contact: PadContact) -> PadFrame:
+    """Return the frame of a contact, in which left-over taxels are FAULTY and have no value."""
+    frame = contact.frame
+    left = contact.found.pattern.hidden & np.isfinite(frame.values)
+    if not left.any():
+        return frame
+    return frame._replace(values=np.where(left, np.float32(np.nan), frame.values),
+                          status=np.where(left, np.uint8(TaxelStatus.FAULTY), frame.status))
+
+
 def contact_message(contact: PadContact) -> Contact:
-    frame, (pattern, visibility, taxels, smallest_contact) = contact.frame, contact.found
-    left = pattern.hidden & np.isfinite(frame.values)  # left-over taxels become FAULTY and lose their value
-    status = np.where(left, TaxelStatus.FAULTY, frame.status) if left.any() else frame.status
+    frame, (pattern, visibility, taxels, smallest_contact) = without_left_over(contact), contact.found
     message = Contact(
         header=frame.header, sequence=frame.sequence, state=pad_state(contact.found), left_out=contact.left_out,
         smallest_contact=smallest_contact, pad_seen=visibility.pad_seen, rows=frame.values.shape[0],
         cols=frame.values.shape[1], pitch=taxels.pitch, unit=taxels.unit,
-        values=as_array('f', np.where(left, np.nan, frame.values) if left.any() else frame.values, np.float32),
-        status=as_array('B', status, np.uint8), labels=as_array('B', pattern.labels, np.uint8),
+        values=as_array('f', frame.values, np.float32),
+        status=as_array('B', frame.status, np.uint8), labels=as_array('B', pattern.labels, np.uint8),
         contacts=pattern.contacts, contact_taxels=array('I', pattern.sizes),
         noise_floor=as_array('f', pattern.noise, np.float32) if np.isfinite(pattern.noise).all() else array('f'),
         missing_can_frames=frame.missing_can_frames, finger_ends=int(taxels.finger_ends))
@@ -121,18 +129,17 @@ def pad_state(found: FoundContact) -> int:
 def pad_contact_of(message: Contact) -> PadContact:
     """Return the contact from which ``message`` was created. The message states whether the pad was seen."""
     frame = pad_frame_of(message)
-    found = FoundContact.of(_pattern(message), frame.taxels, message.smallest_contact)
+    found = FoundContact.of(_pattern(message, frame), frame.taxels, message.smallest_contact)
     seen = found.visibility._replace(pad_seen=message.pad_seen)
     return PadContact(frame, found._replace(visibility=seen), message.left_out)
 
 
-def _pattern(message: Contact) -> ContactPattern:
+def _pattern(message: Contact, frame: PadFrame) -> ContactPattern:
     labels = np.frombuffer(message.labels, np.uint8).reshape(message.rows, message.cols)
-    values = taxel_values(message).astype(float)
-    unmapped = taxels_of(message, TaxelStatus.UNMAPPED)
+    values, unmapped = frame.values.astype(float), frame.status == TaxelStatus.UNMAPPED
     return ContactPattern(
         mask=labels == 1, values=values, contacts=message.contacts, labels=labels, sizes=tuple(message.contact_taxels),
-        hidden=~(np.isfinite(values) | unmapped), saturated=taxels_of(message, TaxelStatus.SATURATED),
+        hidden=~(np.isfinite(values) | unmapped), saturated=frame.status == TaxelStatus.SATURATED,
         unmapped=unmapped, noise=_noise(message))
 
 
@@ -140,12 +147,6 @@ def _noise(message: Contact) -> np.ndarray:
     if not len(message.noise_floor):
         return np.full((message.rows, message.cols), np.nan)
     return np.frombuffer(message.noise_floor, np.float32).reshape(message.rows, message.cols).astype(float)
-
-
-def taxels_of(message: TaxelArray | Contact, status: TaxelStatus) -> np.ndarray:
-    """Return a mask of the taxels that have the given status, as bool of shape (rows, cols)."""
-    codes = np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols)
-    return codes == status
 
 
 def features_message(contact: PadContact, features: Features) -> ContactFeatures:

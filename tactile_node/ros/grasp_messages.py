@@ -19,7 +19,7 @@ from tactile_node.grasp.tracker import GraspContact, GraspState, SideResult, Sid
 from tactile_node.ros.contact_messages import single
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.motion_messages import current_motion, is_moving
-from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
+from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER, contact_pitch, fitted_angle
 from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import SHAPES
 from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, GraspSides, RequirementState
@@ -82,11 +82,6 @@ def _of_pressure(message: ContactShape) -> tuple[float, bool]:
     return of_values * contact_pitch(message), message.centre_of_pressure_is_bound
 
 
-def contact_pitch(message: ContactShape) -> float:
-    """Return the pitch of the pad [m], or 0 if there is no contact."""
-    return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
-
-
 def face_of(message: ContactShape) -> Face:
     """Return the properties of one pad's contact that are needed to describe the object between both pads."""
     of_fit = message.standard_deviations[:2] if message.fit_valid else ()
@@ -106,8 +101,7 @@ def _face_fit(message: ContactShape) -> FaceFit | None:
     sds = tuple(of_each.get(name, 0.0) for name in message.dimension_names)
     if not all(0 < sd < math.inf for sd in (*sds, *([angle_sd] if message.symmetry else []))):
         return None
-    turn = message.pose.pose.orientation
-    return FaceFit(2 * math.atan2(turn.z, turn.w), angle_sd, message.symmetry, message.handedness,
+    return FaceFit(fitted_angle(message), angle_sd, message.symmetry, message.handedness,
                    tuple(message.dimension_names), tuple(message.dimensions), sds, tuple(message.dimension_is_bound))
 
 

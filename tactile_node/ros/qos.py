@@ -37,7 +37,3 @@ def is_wanted(publisher: Publisher, lossless: bool) -> bool:
     """Return True if ``publisher`` has a subscriber, or if it is lossless and therefore serves late subscribers."""
     return lossless or publisher.get_subscription_count() > 0
 
-
-def is_lossless(profile: QoSProfile) -> bool:
-    """Return True if ``profile`` belongs to a lossless replay."""
-    return bool(profile.depth >= REPLAY_DEPTH and profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)

@@ -1,5 +1,6 @@
 """Convert recognised, fused and fitted contacts to ROS messages."""
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -35,7 +36,7 @@ class PadShape:
 
     Parameters
     ----------
-    bare
+    message
         Message in which box, `hollow` and solid are not filled in yet; a received message is complete.
     result
         Result from which the message was created; None for a received message.
@@ -43,27 +44,27 @@ class PadShape:
         Height of the solid to add [m]; 0 to add no solid.
     """
 
-    def __init__(self, bare: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
-        self.bare, self._result, self._solid_height = bare, result, solid_height
+    def __init__(self, message: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
+        self.message, self._result, self._solid_height = message, result, solid_height
 
     @cached_property
-    def whole(self) -> ContactShape:
+    def complete_message(self) -> ContactShape:
         """Message with all its fields, including box, `hollow` and solid."""
         if self._result is not None:
-            _add_box(self.bare, self._result, self._solid_height)
-        return self.bare
+            _add_box(self.message, self._result, self._solid_height)
+        return self.message
 
     @property
     def header(self) -> Header:
-        return self.bare.header
+        return self.message.header
 
     @property
     def sequence(self) -> int:
-        return int(self.bare.sequence)
+        return int(self.message.sequence)
 
     @property
     def left_out(self) -> int:
-        return int(self.bare.left_out)
+        return int(self.message.left_out)
 
 
 def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> PadShape:
@@ -103,6 +104,17 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
     if result.fit is not None:
         _add_fit(message, result.fit)
     return PadShape(message, result, solid_height)
+
+
+def contact_pitch(message: ContactShape) -> float:
+    """Return the pitch of the pad [m], or 0 if there is no contact."""
+    return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
+
+
+def fitted_angle(message: ContactShape) -> float:
+    """Return the angle of the fitted shape's own x axis, from x towards y of the pad [rad]."""
+    turn = message.pose.pose.orientation
+    return 2 * math.atan2(turn.z, turn.w)
 
 
 def shapes_message(contact: PadContact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:

@@ -63,7 +63,7 @@ class SourceGuard:
         stamp
             Stamp of the message, on the sender's clock [s].
         left_out
-            Number of frames before the message that its sender skipped on purpose.
+            Number of frames before the message that were overtaken at its sender or at an earlier node.
         """
         self._sources = [each for each in self._sources if arrival - each.arrival <= SOURCE_HOLD][-MOST_SOURCES:]
         advances = {frames: each for each in self._sources

@@ -1,13 +1,14 @@
 """State and counts of the driver as a SkinStatus message, with the same levels as on /diagnostics."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from types import MappingProxyType
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import State
+from std_msgs.msg import Header
 
 from tactile_node.assembly.facts import BusFacts, NodeFacts, PadFacts
 from tactile_node.assembly.health import Fault
@@ -15,6 +16,7 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
+from tactile_node.ros.diagnostics import Finding
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
 #: NMT state -> its number in NodeStatus.msg; None is the state of a node that was never heard from
@@ -34,15 +36,15 @@ class PrimaryState(IntEnum):
     FINALIZED = State.PRIMARY_STATE_FINALIZED
 
 
-def status_message(diagnostics: DiagnosticArray, facts: BusFacts,
+def status_message(findings: Sequence[Finding], facts: BusFacts,
                    conditions: Mapping[str, PadCondition] = MappingProxyType({}),
                    lifecycle: PrimaryState = PrimaryState.NOT_KNOWN) -> SkinStatus:
-    """Return the status of the driver as a message.
+    """Return the status of the driver as a message without a stamp.
 
     Parameters
     ----------
-    diagnostics
-        Message of BusDiagnostics for the same facts, which lists the bus before its pads.
+    findings
+        Findings of `BusDiagnostics.evaluate` for the same facts.
     facts
         Facts about the bus, its pads and their nodes.
     conditions
@@ -50,11 +52,11 @@ def status_message(diagnostics: DiagnosticArray, facts: BusFacts,
     lifecycle
         Lifecycle state of the driver.
     """
-    bus, *pads = diagnostics.status
-    worst = max((status.level for status in diagnostics.status), key=SEVERITY.index)
-    return _filled(SkinStatus, facts, header=diagnostics.header, level=_level(worst), message=bus.message,
+    bus, *pads = findings
+    worst = max((finding.level for finding in findings), key=SEVERITY.index)
+    return _filled(SkinStatus, facts, header=Header(), level=_level(worst), message=bus.message,
                    lifecycle_state=lifecycle,
-                   pads=[_pad(status, pad, conditions.get(pad.pad)) for status, pad in zip(pads, facts.pads)])
+                   pads=[_pad(finding, pad, conditions.get(pad.pad)) for finding, pad in zip(pads, facts.pads)])
 
 
 def _filled(kind: Any, facts: BusFacts | PadFacts | NodeFacts, **others: Any) -> Any:
@@ -72,8 +74,8 @@ def _level(level: bytes) -> int:
     return level[0] + 1
 
 
-def _pad(status: DiagnosticStatus, pad: PadFacts, condition: PadCondition | None) -> PadStatus:
-    return _filled(PadStatus, pad, level=_level(status.level), message=status.message,
+def _pad(finding: Finding, pad: PadFacts, condition: PadCondition | None) -> PadStatus:
+    return _filled(PadStatus, pad, level=_level(finding.level), message=finding.message,
                    nodes=[_filled(NodeStatus, node, nmt_state=NMT_NUMBERS.get(node.state, NodeStatus.NMT_UNDEFINED))
                           for node in pad.nodes],
                    faulty_taxels=_faulty(condition.faults) if condition else [],

@@ -22,14 +22,16 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tactile_node.colour_map import RGB_TABLE, ColourScale
-from tactile_node.contact.pattern import MOST_LABELS, ContactPattern, of_contact
+from tactile_node.contact.pattern import MOST_LABELS, of_contact
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.pose.moments import contact_moments
-from tactile_node.ros.contact_messages import as_array, taxel_values, taxels_of
+from tactile_node.pose.pipeline import FoundContact
+from tactile_node.ros.contact_messages import PadContact, PadFrame, as_array, without_left_over
+from tactile_node.ros.shape_messages import fitted_angle
 from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import UnknownReason
-from tactile_node.taxel_frame import ON_OFF_UNIT, SkinSide, TaxelStatus
-from tactile_skin.msg import Contact, ContactShape, TaxelArray
+from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
+from tactile_skin.msg import ContactShape
 
 WHOLE_COLOUR = ColorRGBA(r=0.16, g=0.9, b=1.0, a=1.0)  #: cyan, for a fitted contact that is completely visible
 
@@ -60,7 +62,7 @@ class ContactMarkers:
         self._grid: tuple[int, int, float] | None = None
         self._centres: list[Point] = []  # taxel centres of _grid, kept because their creation takes most of the time
 
-    def message(self, contact: Contact, shape: ContactShape, lifetime: float) -> MarkerArray:
+    def message(self, contact: PadContact, shape: ContactShape, lifetime: float) -> MarkerArray:
         """Return the markers of a contact.
 
         Parameters
@@ -72,8 +74,10 @@ class ContactMarkers:
         lifetime
             Lifetime of the markers [s].
         """
-        found = {'taxels': self._taxels(contact), 'outline': _outline(contact, shape), 'axes': _axes(contact, shape),
-                 'centre_of_pressure': _centre_of_pressure(contact, shape), 'name': _name(contact, shape)}
+        pitch = contact.frame.taxels.pitch
+        found = {'taxels': self._taxels(without_left_over(contact)), 'outline': _outline(shape, pitch),
+                 'axes': _axes(shape, pitch), 'centre_of_pressure': _centre_of_pressure(shape, pitch),
+                 'name': _name(shape, contact.frame)}
         duration = duration_message(lifetime)
         markers = []
         for name, marker in found.items():
@@ -85,14 +89,14 @@ class ContactMarkers:
             markers.append(marker)
         return MarkerArray(markers=markers)
 
-    def _taxels(self, contact: Contact) -> Marker | None:
+    def _taxels(self, frame: PadFrame) -> Marker | None:
         """Return all taxels of the pad in the colours of their values, with their tops at the surface of the skin."""
-        numbers = self._scale.numbers(taxel_values(contact), taxels_of(contact, TaxelStatus.SATURATED), contact.unit,
-                                      seconds(contact.header.stamp))
-        places = np.flatnonzero(~taxels_of(contact, TaxelStatus.UNMAPPED)).tolist()
+        numbers = _colour_numbers(frame, self._scale)
+        places = np.flatnonzero(frame.status != TaxelStatus.UNMAPPED).tolist()
         if not places:
             return None
-        centres, palette, pitch = self._centres_of(contact), self._palette, contact.pitch
+        pitch = frame.taxels.pitch
+        centres, palette = self._centres_of(frame), self._palette
         colours = numbers.reshape(-1).tolist()
         marker = _marker(Marker.CUBE_LIST, TAXEL * pitch, TAXEL * pitch, THICKNESS * pitch)
         marker.color = TEXT  # the message requires this colour, but each taxel has its own
@@ -100,59 +104,59 @@ class ContactMarkers:
         marker.colors = [palette[colours[place]] for place in places]
         return marker
 
-    def _centres_of(self, contact: Contact) -> list[Point]:
-        grid = contact.rows, contact.cols, contact.pitch
+    def _centres_of(self, frame: PadFrame) -> list[Point]:
+        (rows, cols), pitch = frame.values.shape, frame.taxels.pitch
+        grid = rows, cols, pitch
         if grid != self._grid:
-            below = -THICKNESS / 2 * contact.pitch
-            self._centres = [Point(x=col * contact.pitch, y=row * contact.pitch, z=below)
-                             for row in range(contact.rows) for col in range(contact.cols)]
+            below = -THICKNESS / 2 * pitch
+            self._centres = [Point(x=col * pitch, y=row * pitch, z=below) for row in range(rows) for col in range(cols)]
             self._grid = grid
         return self._centres
 
 
-def _outline(contact: Contact, shape: ContactShape) -> Marker | None:
+def _outline(shape: ContactShape, pitch: float) -> Marker | None:
     """Return the fitted outline as a closed line, or None if there is no fit."""
     if not shape.fit_valid or not shape.outline.points:
         return None
-    marker = _marker(Marker.LINE_STRIP, LINE_WIDTH * contact.pitch)
+    marker = _marker(Marker.LINE_STRIP, LINE_WIDTH * pitch)
     marker.color = BOUND_COLOUR if shape.size_is_bound else WHOLE_COLOUR
-    corners = [_above(contact, corner.x, corner.y) for corner in shape.outline.points]
+    corners = [_above(pitch, corner.x, corner.y) for corner in shape.outline.points]
     marker.points = [*corners, corners[0]]
     return marker
 
 
-def _axes(contact: Contact, shape: ContactShape) -> Marker | None:
+def _axes(shape: ContactShape, pitch: float) -> Marker | None:
     """Return the shape's own x axis (red) and y axis (blue) from its centre, or None for a circle."""
     if not shape.fit_valid or not shape.symmetry:
         return None
-    pose = shape.pose.pose
-    angle = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
+    angle, place = fitted_angle(shape), shape.pose.pose.position
     length = max(shape.dimensions) / 2
     x, y = length * math.cos(angle), length * math.sin(angle)
-    centre = _above(contact, pose.position.x, pose.position.y)
-    marker = _marker(Marker.LINE_LIST, LINE_WIDTH * contact.pitch)
+    centre = _above(pitch, place.x, place.y)
+    marker = _marker(Marker.LINE_LIST, LINE_WIDTH * pitch)
     marker.color = TEXT  # the message requires this colour, but each point has its own
-    marker.points = [centre, _above(contact, centre.x + x, centre.y + y),
-                     centre, _above(contact, centre.x - y, centre.y + x)]
+    marker.points = [centre, _above(pitch, centre.x + x, centre.y + y),
+                     centre, _above(pitch, centre.x - y, centre.y + x)]
     marker.colors = [X_AXIS, X_AXIS, Y_AXIS, Y_AXIS]
     return marker
 
 
-def _centre_of_pressure(contact: Contact, shape: ContactShape) -> Marker | None:
+def _centre_of_pressure(shape: ContactShape, pitch: float) -> Marker | None:
     centre = shape.centre_of_pressure
     if not (math.isfinite(centre.x) and math.isfinite(centre.y)):
         return None
-    marker = _marker(Marker.SPHERE, *(DOT * contact.pitch,) * 3)
+    marker = _marker(Marker.SPHERE, *(DOT * pitch,) * 3)
     marker.color = BOUND_COLOUR if shape.centre_of_pressure_is_bound else WHOLE_COLOUR
     marker.pose.position = Point(x=centre.x, y=centre.y)
     return marker
 
 
-def _name(contact: Contact, shape: ContactShape) -> Marker:
+def _name(shape: ContactShape, frame: PadFrame) -> Marker:
     """Return a text marker with the class and its probability beyond the last row, even for an empty or unseen pad."""
-    marker = _marker(Marker.TEXT_VIEW_FACING, height=LETTER * contact.pitch)
+    (rows, cols), pitch = frame.values.shape, frame.taxels.pitch
+    marker = _marker(Marker.TEXT_VIEW_FACING, height=LETTER * pitch)
     marker.color = TEXT
-    marker.pose.position = Point(x=(contact.cols - 1) / 2 * contact.pitch, y=(contact.rows + LETTER) * contact.pitch)
+    marker.pose.position = Point(x=(cols - 1) / 2 * pitch, y=(rows + LETTER) * pitch)
     marker.text = _words(shape)
     return marker
 
@@ -170,9 +174,9 @@ def _marker(kind: int, width: float = 0.0, depth: float = 0.0, height: float = 0
                   pose=Pose(orientation=Quaternion(w=1.0)))
 
 
-def _above(contact: Contact, x: float, y: float) -> Point:
+def _above(pitch: float, x: float, y: float) -> Point:
     """Return one point of a line [m]. The point lies above the skin, so that the taxels do not hide the line."""
-    return Point(x=float(x), y=float(y), z=ABOVE * contact.pitch)
+    return Point(x=float(x), y=float(y), z=ABOVE * pitch)
 
 
 class MarkerLifetime:
@@ -196,21 +200,26 @@ class MarkerLifetime:
         return min(max(SHORTEST_LIFETIME, PERIODS * gap), LONGEST_LIFETIME) if math.isfinite(gap) else SHORTEST_LIFETIME
 
 
-def value_image(taxels: TaxelArray) -> Image:
+def value_image(frame: PadFrame) -> Image:
     """Return the taxel values as an image [unit of the taxels].
 
     NaN means no valid value, and a saturated value is a lower bound.
     """
-    return Image(header=taxels.header, height=taxels.rows, width=taxels.cols, encoding=VALUES,
-                 is_bigendian=sys.byteorder == 'big', step=4 * taxels.cols, data=array('B', taxels.values.tobytes()))
+    rows, cols = frame.values.shape
+    return Image(header=frame.header, height=rows, width=cols, encoding=VALUES, is_bigendian=sys.byteorder == 'big',
+                 step=4 * cols, data=array('B', frame.values.tobytes()))
 
 
-def colour_image(taxels: TaxelArray, scale: ColourScale) -> Image:
+def colour_image(frame: PadFrame, scale: ColourScale) -> Image:
     """Return the taxel values as an image in the colours of ``scale``."""
-    numbers = scale.numbers(taxel_values(taxels), taxels_of(taxels, TaxelStatus.SATURATED), taxels.unit,
-                            seconds(taxels.header.stamp))
-    return Image(header=taxels.header, height=taxels.rows, width=taxels.cols, encoding=COLOURS, is_bigendian=False,
-                 step=3 * taxels.cols, data=as_array('B', RGB_TABLE[numbers], np.uint8))
+    rows, cols = frame.values.shape
+    return Image(header=frame.header, height=rows, width=cols, encoding=COLOURS, is_bigendian=False, step=3 * cols,
+                 data=as_array('B', RGB_TABLE[_colour_numbers(frame, scale)], np.uint8))
+
+
+def _colour_numbers(frame: PadFrame, scale: ColourScale) -> np.ndarray:
+    return scale.numbers(frame.values, frame.status == TaxelStatus.SATURATED, frame.taxels.unit or '',
+                         seconds(frame.header.stamp))
 
 
 class _Pressing(NamedTuple):
@@ -219,22 +228,15 @@ class _Pressing(NamedTuple):
     y: float
 
 
-def wrench_message(contact: Contact, pattern: ContactPattern) -> WrenchStamped:
+def wrench_message(contact: PadContact) -> WrenchStamped:
     """Return the wrench that all contacts exert on the pad, about the origin of the pad frame.
 
     The z axis points out of the skin, so a pressing object has force.z < 0. A force F at (x, y) has the torque (-y F, x
     F, 0). Pressures do not measure forces along x and y or a torque about z, so these components are 0 even if there is
     shear. All six components are NaN if the force is not known, because taxels are saturated or on/off, or because
     taxels are hidden where something may press.
-
-    Parameters
-    ----------
-    contact
-        Contact message.
-    pattern
-        Contact pattern of the same message.
     """
-    pressing = _known(contact, pattern)
+    pressing = _known(contact.found)
     wrench = Wrench(force=Vector3(), torque=Vector3())
     if pressing is None:
         for part in (wrench.force, wrench.torque):
@@ -246,15 +248,16 @@ def wrench_message(contact: Contact, pattern: ContactPattern) -> WrenchStamped:
     return WrenchStamped(header=contact.header, wrench=wrench)
 
 
-def _known(contact: Contact, pattern: ContactPattern) -> list[_Pressing] | None:
+def _known(contact: FoundContact) -> list[_Pressing] | None:
     """Return the force and the centre of each contact, or None if any contact is not completely known."""
-    if not contact.pad_seen or contact.unit == ON_OFF_UNIT or pattern.contacts > MOST_LABELS:
+    pattern, visibility, taxels, smallest_contact = contact
+    if not visibility.pad_seen or taxels.unit == ON_OFF_UNIT or pattern.contacts > MOST_LABELS:
         return None
     found = []
     for number in range(1, pattern.contacts + 1):
         part = of_contact(pattern, number)
-        moments = contact_moments(part.values, part.mask, contact.pitch, contact.unit,
-                                  visibility_of(part, contact.smallest_contact, SkinSide(contact.finger_ends)))
+        moments = contact_moments(part.values, part.mask, taxels.pitch, taxels.unit or '',
+                                  visibility_of(part, smallest_contact, taxels.finger_ends))
         each = _Pressing(moments.force, *moments.centre_of_pressure)
         if moments.force_is_bound or moments.centre_of_pressure_is_bound or not all(map(math.isfinite, each)):
             return None

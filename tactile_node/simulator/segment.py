@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from queue import Empty, SimpleQueue
 
-from tactile_node.cia301.frame_bits import Frame
+from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.simulator.wire import Carried, Sender, Wire, WireRecord, WireReport
 from tactile_node.threads import ReportedThread, call_guarded
 
@@ -89,7 +89,7 @@ class LiveSegment(Segment):
         True if several hosts are connected, each with its own CAN controller.
     """
 
-    def __init__(self, wire: Wire, hand_over: Callable[[Sequence[Frame]], None], lost: Callable[[], int] = lambda: 0,
+    def __init__(self, wire: Wire, hand_over: Callable[[Sequence[CanFrame]], None], lost: Callable[[], int] = lambda: 0,
                  batch: float = 0.0, is_shared: bool = False):
         super().__init__(wire)
         self.now = time.monotonic()
@@ -122,7 +122,7 @@ class LiveSegment(Segment):
         else:
             self._calls.put((time.monotonic(), call))
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Queue a frame from the host, which takes part in arbitration from now on."""
         self.submit(lambda: self._host.put(self.now, frame))
 

@@ -12,7 +12,7 @@ from canopen.network import PeriodicMessageTask
 from tactile_node.bus.bus_network import BusNetwork, open_bus
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.reception import Batch
-from tactile_node.cia301.frame_bits import Frame
+from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
 from tactile_node.simulator.segment import LiveSegment, Segment
 from tactile_node.simulator.slcan_pty import SlcanPty, frame_of
@@ -57,13 +57,13 @@ class WireNetwork(Network):
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Queue a frame. Any thread may call this method."""
-        frame = Frame(can_id, bytes(data), is_extended=can_id > 0x7FF, is_remote=remote)
+        frame = CanFrame(can_id, bytes(data), is_extended=can_id > 0x7FF, is_remote=remote)
         self._segment.submit(lambda: self._sender.put(self._next_ready(), frame))
 
     def send_sweep(self, frames: Iterator[tuple[int, bytes]]) -> None:
         """Queue a complete sweep. If too many sweeps are queued, the sweep is skipped and ``frames`` is not read."""
         self._segment.submit(lambda: self._sender.put_sweep(
-            self._next_ready(), (Frame(can_id, data) for can_id, data in frames), self._settings.most_sweeps))
+            self._next_ready(), (CanFrame(can_id, data) for can_id, data in frames), self._settings.most_sweeps))
 
     def send_periodic(self, can_id: int, data: Iterable[int], period: float, remote: bool = False) -> 'PeriodicFrame':
         """Send a frame now, then again every ``period`` seconds of wire time."""
@@ -143,7 +143,7 @@ class WireGateway(LiveSegment):
             if not message.is_error_frame and not message.is_fd:
                 self.send(frame_of(message))
 
-    def _send_to_host(self, frames: Sequence[Frame]) -> None:
+    def _send_to_host(self, frames: Sequence[CanFrame]) -> None:
         try:
             if isinstance(self._bus, SlcanPty):
                 self._bus.send_all(frames)
@@ -154,7 +154,7 @@ class WireGateway(LiveSegment):
             self._on_failure(error)
 
 
-def message_of(frame: Frame) -> can.Message:
+def message_of(frame: CanFrame) -> can.Message:
     return can.Message(arbitration_id=frame.can_id, is_extended_id=frame.is_extended,
                        is_remote_frame=frame.is_remote, dlc=frame.dlc, data=frame.data, is_rx=False)
 

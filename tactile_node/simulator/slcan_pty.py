@@ -17,7 +17,7 @@ from pathlib import Path
 
 import can
 
-from tactile_node.cia301.frame_bits import Frame
+from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.errors import ConfigurationError
 
 OK = b'\r'
@@ -68,7 +68,7 @@ class SlcanPty(can.BusABC):
         """
         self._send_lines([encode(msg)])
 
-    def send_all(self, frames: Iterable[Frame]) -> None:
+    def send_all(self, frames: Iterable[CanFrame]) -> None:
         """Send several frames at once, each like `send`."""
         self._send_lines([line_of(frame) for frame in frames])
 
@@ -169,15 +169,15 @@ def encode(message: can.Message) -> bytes:
     return line_of(frame_of(message))
 
 
-def frame_of(message: can.Message) -> Frame:
-    return Frame(message.arbitration_id, bytes(message.data or b''), message.is_extended_id, message.is_remote_frame,
+def frame_of(message: can.Message) -> CanFrame:
+    return CanFrame(message.arbitration_id, bytes(message.data or b''), message.is_extended_id, message.is_remote_frame,
                  message.dlc if message.is_remote_frame else 0)
 
 
-def line_of(frame: Frame) -> bytes:
+def line_of(frame: CanFrame) -> bytes:
     """Encode a CAN frame as an slcan line.
 
-    >>> line_of(Frame(0x1A0, bytes.fromhex('AABB'))), line_of(Frame(0x180, is_remote=True, requested=8))
+    >>> line_of(CanFrame(0x1A0, bytes.fromhex('AABB'))), line_of(CanFrame(0x180, is_remote=True, requested=8))
     (b't1A02AABB\\r', b'r1808\\r')
     """
     kind = 'r' if frame.is_remote else 't'

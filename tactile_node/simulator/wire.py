@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from operator import itemgetter
 from typing import NamedTuple
 
-from tactile_node.cia301.frame_bits import Frame, arbitration, worst_case_bits
+from tactile_node.cia301.frame_bits import CanFrame, arbitration, worst_case_bits
 
 
 class Waiting(NamedTuple):
@@ -16,7 +16,7 @@ class Waiting(NamedTuple):
     ready: float  #: time from which the frame may be sent [s]
     priority: int
     seconds: float     #: duration of the frame [s]
-    frame: Frame
+    frame: CanFrame
     ends_sweep: bool
 
 
@@ -50,7 +50,7 @@ class Sender:
     def __len__(self) -> int:
         return len(self._queue)
 
-    def put(self, ready: float, frame: Frame, ends_sweep: bool = False) -> None:
+    def put(self, ready: float, frame: CanFrame, ends_sweep: bool = False) -> None:
         """Queue a frame that may be sent from the time ``ready`` [s]. A full queue rejects and counts the frame."""
         if len(self._queue) >= self._limit:
             self.refused += 1
@@ -63,7 +63,7 @@ class Sender:
         self.backlog += waiting.seconds
         self._look()
 
-    def put_sweep(self, ready: float, frames: Iterable[Frame], most: int) -> None:
+    def put_sweep(self, ready: float, frames: Iterable[CanFrame], most: int) -> None:
         """Queue the frames of a sweep.
 
         If ``most`` sweeps are queued or partly sent, the new sweep is skipped and counted, and ``frames`` is not read.
@@ -102,7 +102,7 @@ class Carried(NamedTuple):
 
     start: float  #: start of the first bit [s]
     end: float    #: end of the three bits of interframe space, after which the next frame may begin [s]
-    frame: Frame
+    frame: CanFrame
     sender: Sender
 
 
@@ -114,7 +114,7 @@ class Wire:
 
     >>> wire = Wire()
     >>> one, other = wire.join(), wire.join()
-    >>> one.put(0.0, Frame(0x300)); one.put(0.0, Frame(0x100)); other.put(0.00001, Frame(0x200))
+    >>> one.put(0.0, CanFrame(0x300)); one.put(0.0, CanFrame(0x100)); other.put(0.00001, CanFrame(0x200))
     >>> [(hex(carried.frame.can_id), round(carried.end, 6)) for carried in iter(lambda: wire.carry(1.0), None)]
     [('0x300', 5.5e-05), ('0x100', 0.00011), ('0x200', 0.000165)]
     """

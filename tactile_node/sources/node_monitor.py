@@ -57,7 +57,7 @@ class NodeMonitor:
         self._as_set = DeviceAsSet()
         self._heartbeat_writes = 0  # number of writes to the heartbeat time by other masters before the configuration
         #: number of taxel frames emitted without the node's values, because its TPDOs may not have matched the layout
-        self.distrusted = 0
+        self.frames_distrusted = 0
         #: errors that the node reported when it did not become OPERATIONAL
         self.device_errors: DeviceErrors | None = None
         self.refuses_check = False  #: True if the node refuses to be configured while it sends TPDOs
@@ -104,7 +104,7 @@ class NodeMonitor:
         untrusted = self._untrusted(frame, acquired)
         if not untrusted:
             return frame
-        self.distrusted += 1
+        self.frames_distrusted += 1
         return without_values(frame, untrusted)
 
     def expect(self, now: float) -> None:
@@ -190,7 +190,7 @@ class NodeMonitor:
             heartbeat_age=nan if heard is None else now - heard, fault=state.fault, boots=self.boots,
             emcy_count=emergencies.count, emcy_last=emergencies.last, emcy_active=emergencies.active,
             outages=outages.count, outage_seconds=outages.seconds, outage_last_reason=outages.cause,
-            outage_present_reason=outages.current, frames_distrusted=self.distrusted,
+            outage_present_reason=outages.current, frames_distrusted=self.frames_distrusted,
             missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, tpdo_order=self.traffic.order,
             device_errors=self.device_errors, serial_number=self._as_set.serial_number)
 

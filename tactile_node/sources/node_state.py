@@ -171,7 +171,7 @@ def _actions_due(state: NodeState, seen: NodeSeen, now: float) -> tuple[Action, 
     actions = RECOVERY[state.fault]
     if seen.refuses_check and Action.CHECK in actions:
         actions = RESTART
-    left_out = set() if seen.is_active else {Action.START}
+    omitted = set() if seen.is_active else {Action.START}
     if not state.retries.made:
-        left_out.add(Action.READ_ERRORS)  # most nodes start at the first command
-    return tuple(action for action in actions if action not in left_out)
+        omitted.add(Action.READ_ERRORS)  # most nodes start at the first command
+    return tuple(action for action in actions if action not in omitted)

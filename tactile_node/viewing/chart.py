@@ -17,7 +17,7 @@ DOT_WIDTH = 4  #: [pixels]
 PARTS = 4  #: number of intervals into which ticks divide an axis, approximately
 
 
-class Frame(NamedTuple):
+class PlotArea(NamedTuple):
     """Size of a picture and its margins."""
 
     width: float
@@ -33,7 +33,7 @@ class Frame(NamedTuple):
                 self.height - self.bottom - y * (self.height - self.top - self.bottom))
 
 
-FRAME = Frame(760, 140, 56, 10, 10, 22)
+PLOT_AREA = PlotArea(760, 140, 56, 10, 10, 22)
 
 
 class Series(NamedTuple):
@@ -50,9 +50,9 @@ def chart(series: Sequence[Series], begin: float, end: float, unit: str) -> Mark
     end = end if end > begin else begin + 1.0
     top = rounded_up(max([LEAST_TOP, *(float(np.max(each.y, initial=0.0, where=np.isfinite(each.y)))
                                        for each in series)]))
-    x_ticks = [(FRAME.place((time - begin) / (end - begin), 0)[0], f'{time:g} s') for time in ticks(begin, end)]
-    y_ticks = [(FRAME.place(0, share)[1], f'{share * top:g} {unit}') for share in (0.0, 0.5, 1.0)]
-    return shared().chart(FRAME, x_ticks, y_ticks, [
+    x_ticks = [(PLOT_AREA.place((time - begin) / (end - begin), 0)[0], f'{time:g} s') for time in ticks(begin, end)]
+    y_ticks = [(PLOT_AREA.place(0, share)[1], f'{share * top:g} {unit}') for share in (0.0, 0.5, 1.0)]
+    return shared().chart(PLOT_AREA, x_ticks, y_ticks, [
         (each.colour, LINE_WIDTH if each.gap else DOT_WIDTH, _path(each, begin, end, top)) for each in series])
 
 
@@ -62,7 +62,7 @@ def _path(series: Series, begin: float, end: float, top: float) -> Markup:
     kept = thin(values)
     times, values = times[kept], values[kept]
     is_joined = np.diff(times, prepend=-np.inf) < series.gap
-    x, y = FRAME.place((times - begin) / (end - begin), values / top)
+    x, y = PLOT_AREA.place((times - begin) / (end - begin), values / top)
     return Markup(''.join(f'L{x:.1f} {y:.1f}' if joined else f'M{x:.1f} {y:.1f}h0'  # nosec B704: numbers
                           for x, y, joined in zip(x, y, is_joined)))
 

@@ -28,7 +28,7 @@ from tactile_node.cia301.objects import (
     NmtState,
     node_of,
 )
-from tactile_node.cia301.sdo import SdoUpload, Step
+from tactile_node.cia301.sdo import SdoUpload, UploadStep
 from tactile_node.taxel_frame import read_only
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, LongestGaps, NodeReport, ReportedEvent
 
@@ -173,5 +173,5 @@ class _HeardNode:
         for key, upload in self._uploads.items():
             step = upload.request(data) if is_request else upload.response(data)
             values = self.report.objects.get(key, ())
-            if step is Step.DONE and upload.data not in values and len(values) < MOST_VALUES:
+            if step is UploadStep.DONE and upload.data not in values and len(values) < MOST_VALUES:
                 self.report.objects[key] = *values, upload.data

@@ -6,10 +6,10 @@ from tactile_node.helmholtz.features import Features, Group, compute_features
 from tactile_node.package_files import config_path
 from tactile_node.shape.recognition import METHOD_FILES, VOLF
 from tactile_node.shape.volf import SMALLEST, Plane, VolfClassifier, axes, plane_feature
-from tactile_node.viewing.chart import POINT_COLOURS, Frame
+from tactile_node.viewing.chart import POINT_COLOURS, PlotArea
 from tactile_node.viewing.templates import shared
 
-PLANE = Frame(30.0, 17.0, 3.2, .4, 1.4, 2.6)
+PLANE = PlotArea(30.0, 17.0, 3.2, .4, 1.4, 2.6)
 
 
 class Planes:

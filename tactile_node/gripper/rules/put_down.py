@@ -122,7 +122,7 @@ class HeldReading(NamedTuple):
 NOTHING_READ = HeldReading(-math.inf, GraspContact.NOT_KNOWN)
 
 
-class Touch(NamedTuple):
+class Departure(NamedTuple):
     """A lasting departure from the baseline."""
 
     signs: Sign = Sign.NONE
@@ -200,7 +200,7 @@ class PutDown:
 
     Attributes
     ----------
-    touch : Touch
+    touch : Departure
         Departure in the latest frame.
     reason : str
         Explanation of the outcome, or ''.
@@ -210,7 +210,7 @@ class PutDown:
 
     def __init__(self, now: float, timeout: float, max_age: float):
         self._end, self._max_age = now + timeout, max_age
-        self.touch, self.reason = Touch(), ''
+        self.touch, self.reason = Departure(), ''
         self.used = 0
         self._was_held = False
         self._held = now       # time at which both pads last touched the object
@@ -283,7 +283,7 @@ class PutDown:
         for number, quantity in self._quantities:
             deviations[quantity.sign] += quantity.departure(time, pads[number]) / len(pads)
         signs = [sign for sign, deviation in deviations.items() if deviation >= CERTAINTY]
-        self.touch = Touch(Sign(sum(signs)), max(deviations[sign] for sign in signs)) if signs else Touch()
+        self.touch = Departure(Sign(sum(signs)), max(deviations[sign] for sign in signs)) if signs else Departure()
         drifted = [each.name for _, each in self._quantities if each.has_drifted]
         if signs:
             self.reason = f'{self.touch.signs.text}, by {self.touch.deviations:.1f} standard deviations'
