@@ -1,6 +1,10 @@
 """Client that tells a grasp planner how to correct each grasp between two tactile pads.
 
-    python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp
+    python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp -p 'left_rpy:=[-1.57, 0.0, 0.0]'
+
+Give the client the same left_rpy as the grasp node. Without left_rpy, the client uses the grasp node's default. The
+client reports its corrections in the frame of the left pad. docs/planning.md converts a correction to a pose of the
+hand.
 
 The actions `shift`, `rotate`, `tilt` and `regrasp` need an open gripper: open, move, close again
 (examples/grasp_loop.py).
@@ -14,6 +18,9 @@ import time
 from math import degrees, hypot, inf, isfinite, pi, remainder
 from typing import NamedTuple
 
+import numpy as np
+
+from tactile_node.grasp.gripper import PadPose
 from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE
 
 MIN_CONFIDENCE = 0.8         # if the shape of a fully visible object is less probable, grasp the object elsewhere
@@ -37,15 +44,16 @@ class Correction(NamedTuple):
     action: str                         # 'hold', 'wait', 'open', 'regrasp', 'shift', 'rotate', 'tilt' or 'lift'
     shift: tuple[float, float] = (0.0, 0.0)  # [m]
     angle: float = 0.0                  # rotation about the pad's z axis [rad]
-    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector, the same in both frames [rad]
+    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector about the midpoint of the contacts [rad]
     is_part: bool = False               # True for a lift at an unknown place along a long object
 
 
 HOLD = Correction('hold')  # keeps the gripper still
 WAIT = Correction('wait')
+DEFAULT_LEFT = PadPose().rotation
 
 
-def asked_for(grasp, aim: tuple[float, float]) -> Correction:
+def asked_for(grasp, aim: tuple[float, float], left: np.ndarray = DEFAULT_LEFT) -> Correction:
     """Return the correction for a current grasp.
 
     The function corrects the worst flaw first. Contacts that do not oppose each other are corrected before all other
@@ -57,6 +65,8 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
         Grasp message.
     aim
         Desired place of the object's centre on the left pad [m].
+    left
+        Axes of the left pad in the frame of the gripper, as the columns of a matrix (3, 3).
     """
     codes = type(grasp)
     if not grasp.fresh or grasp.contact in (codes.NOT_KNOWN, codes.UNSEEN):
@@ -70,11 +80,13 @@ def asked_for(grasp, aim: tuple[float, float]) -> Correction:
         return from_the_edge(grasp, shift)
     if not isfinite(grasp.offset) or grasp.class_name == 'unknown' and any(grasp.hidden_taxels):
         return WAIT  # the object's place or shape is only partly known
-    tilt = opposing(grasp)
+    # In its first frames, a contact has too few taxels for a slope and for a sure shape, so wait until it is stable.
+    regrasp = Correction('regrasp') if grasp.stable else WAIT
+    tilt = opposing(grasp, left)
     if grasp.offset > MAX_OFFSET or grasp.misalignment > MAX_MISALIGNMENT or hypot(*tilt) > MAX_MISALIGNMENT:
-        return Correction('tilt', tilt=tilt) if all(map(isfinite, tilt)) else Correction('regrasp')
+        return Correction('tilt', tilt=tilt) if all(map(isfinite, tilt)) else regrasp
     if not is_sure(grasp):
-        return Correction('regrasp') if grasp.stable else WAIT  # wait for more frames while the contact still moves
+        return regrasp
     if hypot(*shift) > MAX_OFFSET:
         return Correction('shift', shift)
     angle = nearest_edge(grasp.yaw, grasp.symmetry)
@@ -103,16 +115,18 @@ def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
     return Correction('lift', is_part=True) if is_held and rests else WAIT
 
 
-def opposing(grasp) -> tuple[float, float, float]:
+def opposing(grasp, left: np.ndarray = DEFAULT_LEFT) -> tuple[float, float, float]:
     """Return the rotation of the gripper about the midpoint [rad] that makes the contacts oppose, or NaN if unknown.
 
-    The gripper aligns with the faces if they lean, and otherwise with the line of the contacts.
+    The gripper aligns with the faces if they lean, and otherwise with the line of the contacts. The lean is in the
+    frame of the left pad, and ``left`` converts the line from the frame of the gripper to this frame.
     """
     about_x, about_y = (lean / STIFFNESS for lean in grasp.lean)
     # If the faces lean, the line of the contacts is a diagonal, because friction holds such faces at opposite edges.
     if hypot(about_x, about_y) <= FLUSH:
-        sine = hypot(grasp.axis.x, grasp.axis.y) or 1.0
-        about_x, about_y = -grasp.misalignment * grasp.axis.y / sine, grasp.misalignment * grasp.axis.x / sine
+        x, y, _ = left.T @ (grasp.axis.x, grasp.axis.y, grasp.axis.z)
+        sine = hypot(x, y) or 1.0
+        about_x, about_y = -grasp.misalignment * y / sine, grasp.misalignment * x / sine
     return about_x, about_y, 0.0
 
 
@@ -165,7 +179,7 @@ def main() -> None:
             return
         arrival = ages.arrived(grasp)  # this age includes the transport delay
         aim = tuple(node.get_parameter('aim').value)
-        planner.receive(asked_for(grasp, aim), arrival.steady, arrival.age_on_arrival)
+        planner.receive(asked_for(grasp, aim, left), arrival.steady, arrival.age_on_arrival)
         act()
 
     def act() -> None:
@@ -184,6 +198,7 @@ def main() -> None:
     rclpy.init()
     node = rclpy.create_node('planner_client')
     node.declare_parameter('aim', [0.015, 0.015])
+    left = PadPose(rpy=tuple(node.declare_parameter('left_rpy', [0.0, 0.0, 0.0]).value)).rotation
     planner, ages = Planner(), InputAge()
     reported, reported_at = '', -inf
     node.create_subscription(Grasp, 'grasp', on_grasp, QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))

@@ -79,6 +79,14 @@ def planner(make_planner):
     return make_planner()
 
 
+def test_an_answer_names_the_publishers_of_grasp_if_there_are_several(planner):
+    assert planner.check().message.count('/grasp') == 0
+    planner.gripper.add('rival').create_publisher(Grasp, '/grasp', 1)
+    planner.until(lambda: '/grasp has several publishers: /grasp, /rival' in planner.check().message)
+    handle, _ = planner.send(timeout=0.1)
+    assert '/grasp has several publishers: /grasp, /rival' in planner.result(handle)[1].message
+
+
 @pytest.fixture
 def make_own(ros):
     """Return a function that makes a real-time planner, served by the executor that our processes use.

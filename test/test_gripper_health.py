@@ -83,7 +83,7 @@ def test_an_old_grasp_has_its_age_and_the_limit(bench):
     bench.pads.is_silent = True
     message = refused(bench)
     age = float(message.split('the grasp is ')[1].split(' s old')[0])
-    assert MAX_AGE < age < MAX_AGE + 1.0 and message.endswith('max_age is 0.15 s')
+    assert MAX_AGE < age < MAX_AGE + 1.0 and 'max_age is 0.15 s' in message
 
 
 def test_two_publishers_are_named(bench):

@@ -253,6 +253,7 @@ def test_a_gripper_that_dies_while_it_closes(make_bench):
     bench.motor.die()
     status, _, outcome = bench.client.result(handle)
     assert (status, outcome.outcome) == (ABORTED, Outcome.NO_GRIPPER)
+    assert 'no server offers /gripper_controller/gripper_cmd' in outcome.message
 
 
 def test_an_empty_result_gives_no_opening(make_bench):

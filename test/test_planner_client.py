@@ -11,6 +11,7 @@ from math import cos, inf, nan, radians, sin
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import planner_client as client
 import pytest
 
@@ -57,6 +58,8 @@ def choose(**changes):
     ({'yaw': nan}, 'regrasp'),
     # Without an opening, the misalignment is unknown.
     ({'offset': 0.004}, 'regrasp'),
+    # The first frame of a contact has no pressure slope.
+    ({'offset': 0.004, 'lean': (nan, nan), 'stable': False}, 'wait'),
     # The line between the contacts is short.
     ({'offset': 0.001, 'misalignment': 0.1, 'axis': (sin(0.1), 0.0, cos(0.1))}, 'tilt'),
     ({'yaw': nan, 'symmetry': 0}, 'lift')])  # The object is a circle, which has no yaw.
@@ -75,6 +78,15 @@ def test_an_off_centre_object_shifts_the_gripper_after_it():
 def test_a_gripper_is_tilted_to_close_along_the_line(axis, expected):
     """The values are worked out by hand: rotating about y turns z into x, and rotating about x turns z into -y."""
     correction = choose(confidence=0.3, offset=0.006, misalignment=0.2, axis=axis)
+    assert correction.action == 'tilt' and correction.tilt == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(('axis', 'expected'), [
+    ((sin(0.2), cos(0.2), 0.0), (0.0, 0.2, 0.0)), ((0.0, cos(0.2), -sin(0.2)), (-0.2, 0.0, 0.0))])
+def test_the_line_is_converted_from_the_frame_of_the_gripper_to_the_left_pad(axis, expected):
+    """The pad of the simulated gripper has its y axis along -z and its z axis along y of the gripper."""
+    left = np.array(((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
+    correction = client.asked_for(grasp(offset=0.006, misalignment=0.2, axis=axis), AIM, left)
     assert correction.action == 'tilt' and correction.tilt == pytest.approx(expected)
 
 

@@ -40,6 +40,7 @@ class Device:
         self.error: Exception | None = None  # error of each configuration
         self.state = b'\x05'
         self.beats = self.sends = True
+        self.is_overloaded = False
         self.syncs = 0
         self.used = 0
         self.devices = self
@@ -78,7 +79,7 @@ class Device:
             self.used += self.sends
             if self.beats and self.syncs % 5 == 0:
                 self.traffic.feed(0x720, self.state)
-            if self.node.look(self.clock[0], True, self.pad, BusCounts(self.syncs)):
+            if self.node.look(self.clock[0], True, self.pad, BusCounts(self.syncs, is_overloaded=self.is_overloaded)):
                 self.node.recover()
         return self
 
@@ -112,6 +113,18 @@ def test_a_node_that_boots_is_configured_and_started_at_once_and_the_end_of_the_
     device.run(0.1)
     assert device.fault is NodeFault.NONE and 'gives taxels again after' in caplog.messages[-1]
     assert NodeFault.BOOTED.phrase in caplog.messages[-1]
+
+
+@pytest.mark.parametrize(('error', 'is_overloaded', 'has_remedy'), [
+    (DeviceAbsentError, False, True), (DeviceAbsentError, True, False), (DeviceError, True, True)])
+def test_an_overloaded_process_does_not_blame_the_wiring_for_a_missing_answer(clock, caplog, error, is_overloaded,
+                                                                              has_remedy):
+    device = Device(clock).run(2.0)
+    device.error, device.is_overloaded = error('node 32', **REASON), is_overloaded
+    device.traffic.feed(0x720, b'\x00')
+    device.run(ROUND)
+    assert 'Waiting for node 32' in caplog.messages[-1]
+    assert (REASON['remedy'] in caplog.messages[-1]) is has_remedy is not ('overloaded' in caplog.messages[-1])
 
 
 def test_a_check_that_is_refused_is_followed_by_a_configuration_with_a_pause(clock, caplog):

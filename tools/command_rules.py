@@ -49,6 +49,8 @@ RULES = (
     Rule(r'^python examples/grasp_listener.py', Kind.TESTED, 'test/test_tutorial.py'),
     Rule(r'^python examples/other_skin.py', Kind.TESTED, 'test/test_other_skin.py'),
     Rule(r'^python3? examples/planner_client.py', Kind.TESTED, 'test/test_planner_client.py'),
+    Rule(r'^python examples/lerobot_dataset.py', Kind.NETWORK, 'LeRobot; by hand'),
+    Rule(r'^(python examples/rerun_bag.py|rerun)\b', Kind.NETWORK, 'Rerun; by hand'),
     Rule(r'^python -m examples.simulated_gripper', Kind.MINUTES, 'by hand, because it needs MuJoCo'),
     Rule(r'^python -m tactile_node.gripper.gripper_node', Kind.TESTED, 'test/test_gripper_duplicates.py'),
     Rule(r'^tactile calibrate', Kind.TESTED, 'test/test_calibration.py'),

@@ -34,13 +34,18 @@ def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, w
         Time since both pads were last seen [s].
     """
     is_failed = last in FAILURES
-    text = duplicate or (f'no server offers {action}' if not is_served else
+    text = duplicate or (unserved_text(action) if not is_served else
                          f'the last goal ended as {last.name}' if last and is_failed else 'ready')
     level = (DiagnosticStatus.ERROR if duplicate else DiagnosticStatus.WARN
              if is_failed or not is_served else DiagnosticStatus.OK)
     return status_of(f'{node}: gripper', level, text, {
         'duplicate': bool(duplicate), 'served': is_served, 'work': work, 'last_outcome': last.name if last else 'none',
         'grasp_age_s': f'{grasp_age:.3f}' if math.isfinite(grasp_age) else 'not known'})
+
+
+def unserved_text(action: str) -> str:
+    """Return the message for a gripper whose own action has no server."""
+    return f'no server offers {action}: start it, or correct the parameter gripper_action'
 
 
 def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp: Grasp | None, age: float,
@@ -69,7 +74,8 @@ def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp:
     if grasp is None:
         return f'every grasp on {topic} was dropped: see /diagnostics'
     if not age <= max_age:
-        return (f'the grasp is {age:.3f} s old, but max_age is {max_age:g} s' if age < math.inf else
+        return (f'the grasp is {age:.3f} s old, but max_age is {max_age:g} s: reduce the load of the machine, or raise '
+                'max_age' if age < math.inf else
                 'the age of the grasp is not known')
     states = {Grasp.SIDE_UNSEEN: 'is unseen', Grasp.SIDE_NOT_KNOWN: 'has no result yet'}
     texts = [f'the {side} pad {states[state]}' for side, state in zip(('left', 'right'), grasp.side_states)

@@ -14,7 +14,9 @@ from tactile_node.code_names import name_of
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
 from tactile_node.grasp.requirement import NO_SHAPES, Missing, Requirement, SideShape, missing
 from tactile_node.grasp.tracker import GraspState
+from tactile_node.nodes.message_guard import publisher_names
 from tactile_node.ros.grasp_messages import requirement_of, state_message, timeout_of
+from tactile_node.ros.message_health import several_text
 from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import ContactShape, Grasp
 from tactile_skin.srv import CheckGrasp
@@ -71,6 +73,7 @@ class GraspRequests:
 
     def __init__(self, node: Node, current: Callable[[], CurrentGrasp],
                  steady: Callable[[], float] = time.monotonic):
+        self._node = node
         self._steady = steady
         self._current = current
         self._goals: list[_WaitingGoal] = []
@@ -123,10 +126,9 @@ class GraspRequests:
         self._timer.reset()
         self._look()
 
-    @staticmethod
-    def _refuse(handle: ServerGoalHandle, error: RefusedRequirementError) -> WaitForGrasp.Result:
+    def _refuse(self, handle: ServerGoalHandle, error: RefusedRequirementError) -> WaitForGrasp.Result:
         result = WaitForGrasp.Result()
-        _fill(result, WaitForGrasp.Result.REFUSED, refused=error)
+        self._fill(result, WaitForGrasp.Result.REFUSED, refused=error)
         handle.abort()
         return result
 
@@ -143,18 +145,18 @@ class GraspRequests:
         else:
             outcome = result.LOST if self._steady() < goal.deadline else result.TIMED_OUT
             handle.abort()
-        _fill(result, outcome, found)
+        self._fill(result, outcome, found)
         return result
 
     def _on_check(self, request: CheckGrasp.Request, response: CheckGrasp.Response) -> CheckGrasp.Response:
         try:
             requirement = self._requirement(request.requirement)
         except RefusedRequirementError as error:
-            _fill(response, response.REFUSED, refused=error)
+            self._fill(response, response.REFUSED, refused=error)
             return response
         current = self._current()
         found = current.missing(requirement)
-        _fill(response, response.NOT_HELD if found else response.HELD, found)
+        self._fill(response, response.NOT_HELD if found else response.HELD, found)
         if not found:
             response.grasp = current.message()
         return response
@@ -170,18 +172,25 @@ class GraspRequests:
                                           expected=f'at most {MOST_GOALS} waiting goals', got='one more',
                                           remedy='Cancel goals that are no longer needed.')
 
+    def _fill(self, answer: WaitForGrasp.Result | CheckGrasp.Response, outcome: int, found: Sequence[Missing] = (),
+              refused: RefusedRequirementError | None = None) -> None:
+        """Set the outcome of ``answer``, and either the unmet conditions or the reason of a refusal.
+
+        The message also names the publishers of `grasp` if there are several, because then a client that compares this
+        answer with the topic may see a grasp of another node.
+        """
+        answer.outcome, answer.refusal = outcome, int(refused.refusal if refused else RequirementRefusal.NOT_REFUSED)
+        if not refused:
+            answer.state = state_message(found)
+        reason = str(refused or ', '.join(each.name for each in found))
+        topic = self._node.resolve_topic_name('grasp')
+        publishers = publisher_names(self._node, topic)
+        several = several_text(topic, publishers) if len(publishers) > 1 else ''
+        answer.message = '; '.join(filter(None, (
+            name_of(type(answer), 'outcome', outcome) + (f': {reason}' if reason else ''), several)))
+
 
 def allow_feedback(handle: ServerGoalHandle) -> None:
     """Make rclpy send feedback for a goal. Since Lyrical, rclpy sends feedback only while a goal is executing."""
     if hasattr(handle, 'executing'):
         handle.executing()
-
-
-def _fill(answer: WaitForGrasp.Result | CheckGrasp.Response, outcome: int, found: Sequence[Missing] = (),
-          refused: RefusedRequirementError | None = None) -> None:
-    """Set the outcome of ``answer``, and either the unmet conditions or the reason why the requirement was refused."""
-    answer.outcome, answer.refusal = outcome, int(refused.refusal if refused else RequirementRefusal.NOT_REFUSED)
-    if not refused:
-        answer.state = state_message(found)
-    reason = str(refused or ', '.join(each.name for each in found))
-    answer.message = name_of(type(answer), 'outcome', outcome) + (f': {reason}' if reason else '')

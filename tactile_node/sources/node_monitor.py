@@ -63,7 +63,7 @@ class NodeMonitor:
         self.refuses_check = False  #: True if the node refuses to be configured while it sends TPDOs
         self._since = 0.0  # time when the bus was opened, or when this process resumed after a stall
         self._excuses = 0  # number of stalls since the last message of the node
-        self._is_overloaded = False
+        self.is_overloaded = False  #: True if this process was too slow at the last look
         self._commanded = 0.0  # time of the last command
         self._data_at = 0.0  # time when the last taxels were received
         self._used = 0  # number of used TPDOs at the last look
@@ -158,7 +158,7 @@ class NodeMonitor:
         bus
             Counts of the bus.
         """
-        self._is_overloaded = bus.is_overloaded
+        self.is_overloaded = bus.is_overloaded
         self._excuse_silence(bus.ran_again)
         used = pad.used_by_node[self.node.position]
         if used != self._used:
@@ -174,8 +174,8 @@ class NodeMonitor:
             is_silent=self._is_silent(now), is_operational=self._heard.state == NmtState.OPERATIONAL,
             # a node may take three heartbeat times, but at least 0.3 s, to execute a command and report its new state
             is_executing=now - self._commanded < max(0.3, 3 * (self._as_set.heartbeat_time or 0.0)),
-            has_data=silence <= self._data_timeout or self._is_overloaded,
-            has_new_data=silence <= self._data_timeout / 2 or self._is_overloaded,
+            has_data=silence <= self._data_timeout or self.is_overloaded,
+            has_new_data=silence <= self._data_timeout / 2 or self.is_overloaded,
             misses_tpdos=bool(self.traffic.missing),
             misses_sync=self.node.layout.needs_sync and now - self._sync_at > self._data_timeout,
             has_taxels_again=used > self._used_then, data_at=self._data_at, refuses_check=self.refuses_check)
@@ -233,5 +233,5 @@ class NodeMonitor:
     def _is_silent(self, now: float) -> bool:
         """Return True if the node has been silent for longer than both the timeout and three heartbeat periods."""
         own = self._as_set.heartbeat_time or max(self._heard.intervals or (0.0,))
-        allowed = max(self._heartbeat_timeout, 3 * own) * (OVERLOAD_PATIENCE if self._is_overloaded else 1)
+        allowed = max(self._heartbeat_timeout, 3 * own) * (OVERLOAD_PATIENCE if self.is_overloaded else 1)
         return now - max(self._heard.heard or 0.0, self._since) > allowed

@@ -133,8 +133,16 @@ class SupervisedNode:
             self.monitor.refuses_check = isinstance(error, DeviceError) and is_sending
             is_news = self._state.fault is not NodeFault.SILENT
             if is_news and self._retry_throttle.is_due(str(error), time.monotonic()):
-                logger.error('Waiting for node %d: %s', self.node_id, error, extra={'fact': error})
+                logger.error('Waiting for node %d: %s', self.node_id, self._explained(error), extra={'fact': error})
         self.handle(NodeEvent.ATTEMPTED, time.monotonic())
+
+    def _explained(self, error: DeviceError | BusError) -> DeviceError | BusError:
+        """Return ``error``, without advice about the wiring if this process may have been too slow for an answer."""
+        if not (isinstance(error, DeviceAbsentError) and self.monitor.is_overloaded):
+            return error
+        return DeviceAbsentError(error.where, expected=error.expected,
+                                 got=f'{error.got} while this process is overloaded',
+                                 remedy='Reduce the load of this machine first: the answer may have come too late.')
 
     def _carry_out(self, action: Action, is_sending: bool) -> None:
         match action:
