@@ -19,11 +19,11 @@ from std_msgs.msg import Header
 from tactile_node.chain import Chain, Step
 from tactile_node.nodes.guarded_input import GuardedInput
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
+from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.ticker import Ticker
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import StreamHealth
-from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
 #: Time between two checks for other publishers [s], which is about as long as ROS discovery takes.
@@ -265,10 +265,10 @@ class StageOutput(Generic[Result]):
 
     def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
                  stages: Stages):
-        self._node, self._make, self._stages = node, make, stages
-        self._is_lossless = settings.lossless
-        self._publisher: Any = node.create_publisher(kind, topic, settings.qos)
-        self.topic: str = self._publisher.topic_name  #: full name of the topic
+        self._make, self._stages = make, stages
+        self._publisher: OnDemandPublisher[Any] = OnDemandPublisher(node, kind, topic, settings.qos,
+                                                                    lossless=settings.lossless)
+        self.topic = self._publisher.topic  #: full name of the topic
 
     def send(self, result: Result, acquired: float) -> None:
         """Publish a result and pass it on, on the chain thread.
@@ -284,10 +284,7 @@ class StageOutput(Generic[Result]):
         if reader is not None:
             reader.announce(result)
         try:
-            if is_wanted(self._publisher, self._is_lossless):
-                message = self._make(result)
-                message.age = age_message(time.monotonic() - acquired)
-                self._publisher.publish(message)
+            self._publisher.publish(lambda: self._message(result, acquired))
         finally:  # the next stage must get the result even if publishing the message fails
             if reader is not None:
                 reader.feed(result, acquired)
@@ -297,7 +294,12 @@ class StageOutput(Generic[Result]):
         reader = self._stages.input_of(self.topic)
         if reader is not None:
             reader.end_feeding()
-        self._node.destroy_publisher(self._publisher)
+        self._publisher.destroy()
+
+    def _message(self, result: Result, acquired: float) -> Any:
+        message = self._make(result)
+        message.age = age_message(time.monotonic() - acquired)
+        return message
 
 
 class StageNode(Node):
