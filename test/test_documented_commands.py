@@ -33,7 +33,7 @@ ALL = documented.commands()
     'tactile check', 'tactile check --jsn x.yaml', 'tactile see x.yaml', 'tactile scan --listen long',
     'make tests', 'python bench/no_such_file.py', 'ros2 launch tactile_skin bringup.launch.py no_such:=1'])
 def test_a_command_that_does_not_exist_is_a_problem(text):
-    assert documented.problem(documented.Command('page', 1, text, False))
+    assert documented.problem(documented.DocumentedCommand('page', 1, text, False))
 
 
 @pytest.mark.parametrize('page', sorted({each.page for each in ALL}))

@@ -59,7 +59,7 @@ def test_the_taxels_next_to_a_contact_read_the_stated_share(beside, monkeypatch)
 
 
 def test_tables_say_how_many_were_counted():
-    seen = nothing.Seen('drift', Rate(1, 50), {Shape.CIRCLE: 1}, 0.1, Rate(0, 1))
+    seen = nothing.DisturbanceResult('drift', Rate(1, 50), {Shape.CIRCLE: 1}, 0.1, Rate(0, 1))
     punches = several.Several(2, 25, 4.0, *3 * [Rate(9, 10)])
     assert nothing.table([seen]).rows[0][:2] == ['drift', '50'] and several.table([punches]).rows[0][3] == '10'
 
