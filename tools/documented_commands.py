@@ -16,12 +16,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from command_rules import PROGRAMS, RULES, Kind, Rule
+from command_rules import PROGRAMS, RULES, CommandKind, Rule
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
-TESTED = (Kind.RUN, Kind.TESTED)
+TESTED = (CommandKind.RUN, CommandKind.TESTED)
 SHELL_WORDS = ('>', '>>', '<', '|', '&&', ';')
 
 
@@ -40,7 +40,7 @@ class DocumentedCommand(NamedTuple):
     @property
     def rule(self) -> Rule | None:
         found = next((rule for rule in RULES if re.search(rule.pattern, self.text)), None)
-        return Rule('', Kind.CHECKED) if self.in_sentence and (found is None or found.kind in TESTED) else found
+        return Rule('', CommandKind.CHECKED) if self.in_sentence and (found is None or found.kind in TESTED) else found
 
 
 def pages() -> list[Path]:
@@ -158,7 +158,7 @@ def _all_parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentP
 
 def main() -> int:
     found = commands()
-    for kind in Kind:
+    for kind in CommandKind:
         chosen = [command for command in found if command.rule and command.rule.kind is kind]
         print(f'\n{kind.value}: {len(chosen)}')
         for command in chosen:
