@@ -37,7 +37,7 @@ GROUPS = {'circle, square, rectangle: punches': ('circle', 'square', 'rectangle'
           'rectangle, L, ellipse: on/off': ('rectangle, on/off', 'L, on/off', 'ellipse, on/off')}
 
 
-class Touch(NamedTuple):
+class CoveredContact(NamedTuple):
     """A detected contact, and an (n, 2) array of points that the object really covers [pitches]."""
 
     pattern: ContactPattern
@@ -49,7 +49,7 @@ def oval(ratio: float):
     return silhouette_of('ellipse', x * x + (ratio * y)**2 <= 0.9)
 
 
-def drawn(rng: np.random.Generator, name: str, area: float) -> Touch:
+def drawn(rng: np.random.Generator, name: str, area: float) -> CoveredContact:
     """Return a touch by a figure with uniform pressure."""
     side = mechanics.side_of(area) + 4
     kind, on_off = name.lower().removesuffix(', on/off'), name.endswith('on/off')
@@ -62,10 +62,10 @@ def drawn(rng: np.random.Generator, name: str, area: float) -> Touch:
     x, y = np.meshgrid(fine, fine)
     inside = touching.depth(x, y) >= 0
     frame = touching.pattern(side, side) if on_off else pressure_frame(touching, rng, side, side, skin=SKIN)
-    return Touch(find_contact(frame), np.column_stack((x[inside], y[inside])))
+    return CoveredContact(find_contact(frame), np.column_stack((x[inside], y[inside])))
 
 
-def pressed(rng: np.random.Generator, name: str, area: float) -> Touch:
+def pressed(rng: np.random.Generator, name: str, area: float) -> CoveredContact:
     """Return a touch by an indenter on an elastic half-space, with the points of the computed contact as the truth."""
     indenter, tilt = (mechanics.random_punch(rng, PUNCHES[name]) if name in PUNCHES else DOMES[name](rng, 0))
     towards = rng.uniform(0, 2 * np.pi) if name in PUNCHES else 0.0
@@ -76,10 +76,10 @@ def pressed(rng: np.random.Generator, name: str, area: float) -> Touch:
     values = measured(stress, rng.uniform(*mechanics.PRESSURE), rng, noise=mechanics.NOISE, dead=mechanics.DEAD)
     rows, cols = np.nonzero(solution.contact)
     places = np.column_stack((solution.origin[0] + cols * solution.cell, solution.origin[1] + rows * solution.cell))
-    return Touch(find_contact(values, unit=None), mechanics.turned(places * np.sqrt(area), angle) + (x, y))
+    return CoveredContact(find_contact(values, unit=None), mechanics.turned(places * np.sqrt(area), angle) + (x, y))
 
 
-def errors(touch: Touch) -> np.ndarray:
+def errors(touch: CoveredContact) -> np.ndarray:
     """Return the errors of both sides, x, y and angle, followed by their standard deviations and by the true sides."""
     box = contact_box(touch.pattern)
     cos, sin = np.cos(ANGLES), np.sin(ANGLES)

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
 import numpy as np
-from pose_mechanics import AREAS, Outlined, Row, Skin, error_of, measure, outlined, pressed
+from pose_mechanics import AREAS, Outlined, PoseSkin, Row, error_of, measure, outlined, pressed
 
 from bench.recognition import mechanics
 from tactile_node.learning.presses import PressFinder
@@ -65,7 +65,7 @@ def other_objects(rng: np.random.Generator) -> Objects:
     return found
 
 
-def calibrated(rng: np.random.Generator, skin: Skin) -> FoundResponse:
+def calibrated(rng: np.random.Generator, skin: PoseSkin) -> FoundResponse:
     """Calibrate the skin with light and firm presses of the known disc, and return its response."""
     solution, outline = known_disc(SHARP)
     presses = []
@@ -85,7 +85,7 @@ def report(count: int, purpose: Purpose) -> None:
     print('| --- | --- | --- | --- | --- | --- | --- |')
     others = other_objects(generator(purpose, SEED))
     for number, (depth, (name, curve)) in enumerate((d, c) for d in DEPTHS for c in CURVES.items()):
-        rng, skin = generator(purpose, SEED + 1 + number), Skin(depth, curve)
+        rng, skin = generator(purpose, SEED + 1 + number), PoseSkin(depth, curve)
         found = calibrated(rng, skin)
         for area in AREAS:
             frames = [pressed(rng, *others[k % PUNCHES], area, skin) for k in range(count)]
@@ -108,7 +108,7 @@ def edges(count: int, purpose: Purpose) -> None:
         solution, outline = known_disc(rounding)
         rng, biases = generator(purpose, SEED + 100 + number), []
         for depth in (0.3, 0.6, 1.0):
-            frames = [pressed(rng, solution, outline, KNOWN_AREA, Skin(depth, lambda p: p)) for _ in range(count)]
+            frames = [pressed(rng, solution, outline, KNOWN_AREA, PoseSkin(depth, lambda p: p)) for _ in range(count)]
             fits = [(fit_shape(frame.values, frame.mask, frame.shape), frame.truth) for frame in frames
                     if frame.mask.any()]
             biases.append(np.median([error_of(fit, truth).vector[-1] / truth[-1] for fit, truth in fits]))

@@ -22,7 +22,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'examples'), str(Path(__file__).parent)]
 
 import numpy as np
 from grasp_loop import PATIENCE, GraspLoop, Reason
-from planner_chain import DELAY, Chain
+from planner_chain import DELAY, PlannerChain
 from planner_client import MAX_ANGLE, MAX_MISALIGNMENT, MAX_OFFSET, Planner, asked_for
 from planner_world import AIM, Closed, Placed, Thing, close, noisy, random_place, random_thing
 from scipy.spatial.transform import Rotation
@@ -87,7 +87,7 @@ class Simulation:
         self._placed = random_place(self._random, thing)
         if fault in FAULTS[:2]:
             self._placed = replace(self._placed, ends=(fault == 'misses a pad', False))
-        self._chain, self._planner, self._loop = Chain(), Planner(), GraspLoop(patience)
+        self._chain, self._planner, self._loop = PlannerChain(), Planner(), GraspLoop(patience)
         self._now = BEGIN
 
     def run(self) -> Run:

@@ -41,7 +41,7 @@ TARGETS = {'centre': 0.05, 'angle': 1.5, 'length': 2.0}
 SEED = 5
 
 
-class Report:
+class PoseReport:
     """Prints tables and their notes, and records them in ``folder``."""
 
     def __init__(self, folder: Path):
@@ -105,7 +105,7 @@ def percentile(values, share: float) -> str:
     return f'{np.percentile(values, share):.3g}' if values else '-'
 
 
-def accuracy(report: Report, fitted: dict) -> None:
+def accuracy(report: PoseReport, fitted: dict) -> None:
     rows = [[condition, shape, *(cell for kind in TARGETS for cell in (
         median(getattr(each, kind) for each in of.errors),
         percentile((getattr(each, kind) for each in of.errors), 95)))]
@@ -120,7 +120,7 @@ def accuracy(report: Report, fitted: dict) -> None:
         kind, f'{kind.removesuffix(" %")}, 95th percentile'))], rows)
 
 
-def alternatives(report: Report, fitted: dict) -> None:
+def alternatives(report: PoseReport, fitted: dict) -> None:
     rows = []
     for condition in CONDITIONS:
         of = [fitted[condition, shape] for shape in CLASSES]
@@ -135,7 +135,7 @@ def _medians(errors) -> str:
     return ' / '.join(f'{np.nanmedian([getattr(each, kind) for each in errors]):.3g}' for kind in TARGETS)
 
 
-def by_area(report: Report, count: int) -> None:
+def by_area(report: PoseReport, count: int) -> None:
     rows = []
     for condition in ('clean', 'all four', 'on/off'):
         for area in AREAS:
@@ -146,7 +146,7 @@ def by_area(report: Report, count: int) -> None:
     report.table('Against the area', ['frames', 'N', 'centre / angle / length', '95 % region holds the truth'], rows)
 
 
-def regions(report: Report, fitted: dict) -> None:
+def regions(report: PoseReport, fitted: dict) -> None:
     inside = {key: of.distances() < 1 for key, of in fitted.items()}
     rows = [[condition, *(f'{inside[condition, shape].mean():.1%}' for shape in CLASSES),
              str(rate_of(np.concatenate([inside[condition, shape] for shape in CLASSES])))] for condition in CONDITIONS]
@@ -158,7 +158,7 @@ def regions(report: Report, fitted: dict) -> None:
     report.table('Regions', ['frames', *CLASSES, 'all'], rows)
 
 
-def corners(report: Report, fitted: dict) -> None:
+def corners(report: PoseReport, fitted: dict) -> None:
     rows = []
     for condition in CONDITIONS:
         of = fitted[condition, 'isosceles_triangle']
@@ -169,7 +169,7 @@ def corners(report: Report, fitted: dict) -> None:
     report.table('Corners', ['frames', 'symmetry 3', 'wrong apex', 'wrong, unsaid', 'same handedness'], rows)
 
 
-def times(report: Report, fitted: dict) -> None:
+def times(report: PoseReport, fitted: dict) -> None:
     """Report the 10th percentile, median and 95th percentile of the time per fit [ms]."""
     rows = [[condition, *(f'{np.percentile(of.times, 10):.2f}; {np.median(of.times):.2f}; '
                           f'{np.percentile(of.times, 95):.2f}' for of in (fitted[condition, s] for s in CLASSES))]
@@ -211,7 +211,7 @@ def main() -> None:
         return pose_summary.PAGE.write(args.output)
     if args.calibrate:
         return calibrate(args.patterns)
-    report = Report(args.output / pose_summary.FOLDER)
+    report = PoseReport(args.output / pose_summary.FOLDER)
     fitted = {(condition, shape): Fitted(shape, condition, AREA, args.patterns, purpose=Purpose.EVALUATION)
               for condition in CONDITIONS for shape in CLASSES}
     for part in (accuracy, alternatives, regions, corners, times):

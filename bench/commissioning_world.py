@@ -149,7 +149,7 @@ def _random_faulty(rng: np.random.Generator) -> tuple[tuple[int, int], ...]:
 
 
 @dataclass
-class HeldObject:
+class FlatObject:
     """An object with two parallel flat faces between the pads."""
 
     width: float
@@ -201,7 +201,7 @@ class CommissioningDesk:
         self.cancels = 0
         self._time = 100.0
         self._motion = _Motion(truth.low + (0.3 if truth.closes_rising else 0.7) * truth.span)
-        self._object: HeldObject | None = None
+        self._object: FlatObject | None = None
         self._weight = 0.0
         self._fingers: list[Finger] = []
         self._gains = 1 + GAINS * rng.standard_normal((2, GRID.rows, GRID.cols))
@@ -545,7 +545,7 @@ class CommissioningDesk:
         if question.act is Act.BLOCK and self._makes(Mistake.OTHER_BLOCK):
             width = next(each for each in FACES if each != question.width)
         centre = self.truth.offset / 2 + self._rng.normal(0, 0.0007, 2)
-        held = HeldObject(FOAM_WIDTH if is_foam else self._widths[width], FOAM_FACE if is_foam else FACES[width],
+        held = FlatObject(FOAM_WIDTH if is_foam else self._widths[width], FOAM_FACE if is_foam else FACES[width],
                           FACE_DEPTH, *centre, math.radians(self._rng.uniform(-8, 8)),
                           share=FOAM_STIFFNESS / (FOAM_STIFFNESS + self.truth.stiffness) if is_foam else 1.0)
         if question.act is Act.BLOCK and self._makes(Mistake.BLOCK_ASKEW):

@@ -144,7 +144,7 @@ KINDS = {
     ragged_spindle: ('unknown',), covers_the_pad: ('unknown',), fragment_of_an_uneven_object: ('unknown',)}
 
 
-class Answers(NamedTuple):
+class KindAnswers(NamedTuple):
     """Answers to the frames of one kind."""
 
     right: int
@@ -161,17 +161,17 @@ def frames_of(kind: Callable) -> list[np.ndarray]:
     return [kind(np.random.default_rng([SEED, number, k])) for k in range(COUNT)]
 
 
-def answers_to(frames: list[np.ndarray], right: tuple[str, ...]) -> Answers:
+def answers_to(frames: list[np.ndarray], right: tuple[str, ...]) -> KindAnswers:
     recogniser, found = tn.Recogniser(), []
     for frame in frames:
         shape = recogniser.recognise(tn.find_contact(frame.astype(float), unit=None))
         found.append((shape.shape.value, shape.confidence))
     correct = [name in right for name, _ in found]
     wrong = [not ok and name != 'unknown' and confidence >= SURE for ok, (name, confidence) in zip(correct, found)]
-    return Answers(sum(correct), sum(wrong), '{} {:.2f}'.format(*found[0]))
+    return KindAnswers(sum(correct), sum(wrong), '{} {:.2f}'.format(*found[0]))
 
 
-def draw(path: Path, now: dict[str, Answers], before: dict[str, Answers]) -> None:
+def draw(path: Path, now: dict[str, KindAnswers], before: dict[str, KindAnswers]) -> None:
     import matplotlib
     matplotlib.use('Agg')
     import matplotlib.pyplot as plt
@@ -208,7 +208,7 @@ def main() -> int:
         args.answers.write_text(json.dumps(now, indent=1) + '\n', encoding='utf-8')
     before = json.loads(args.before.read_text(encoding='utf-8')) if args.before else {}
     if args.picture:
-        draw(args.picture, now, {name: Answers(*one) for name, one in before.items()})
+        draw(args.picture, now, {name: KindAnswers(*one) for name, one in before.items()})
     return 0
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from bench_lifts import PERIOD
-from planner_chain import DELAY, Chain
+from planner_chain import DELAY, PlannerChain
 from planner_world import noisy
 
 from examples.simulated_gripper import drive
@@ -31,7 +31,7 @@ EFFORT = 10.0  #: parameter gripper_effort [N]
 ALL_SIDES = SkinSide.FIRST_ROW | SkinSide.LAST_ROW | SkinSide.FIRST_COL | SkinSide.LAST_COL  #: ends of the fingers
 
 
-class Action:
+class LockstepAction:
     """The gripper's own action, which ends its commands as examples/simulated_gripper/gripper_server.py does."""
 
     is_there = True
@@ -85,8 +85,8 @@ class LockstepGripper:
     """
 
     def __init__(self, world: World, settings: TouchSettings, random: np.random.Generator):
-        self.world, self._random, self._chain = world, random, Chain(ALL_SIDES)
-        self._action = Action(world)
+        self.world, self._random, self._chain = world, random, PlannerChain(ALL_SIDES)
+        self._action = LockstepAction(world)
         self._control = TouchControl(settings, self._action, SimpleNamespace(text='', has_listened=True), self._on_end,
                                      why_unseen=str, commands_speed=True, steady=lambda: world.now)
         self._sent: deque[tuple[float, TouchReading, float]] = deque()  # arrival [s], readings, opening [m]

@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from bench.recognition.array_measures import Group, measure, measure_over_time
+from bench.recognition.array_measures import ArrayGroup, measure, measure_over_time
 from bench.recognition.page import Table, write_page
 from bench.recognition.real_frames import PADS, TEKSCAN, VITAC, VITAC_PAD, WEISS, read_frames, read_hand, read_labels
 from tactile_node.shape.recognition import Shape
@@ -64,28 +64,28 @@ HOW = {
     'bars': '60 % of the rectangles, 2.2:1 to 30:1'}
 
 
-def groups_of(array: str, data: Path) -> list[Group]:
+def groups_of(array: str, data: Path) -> list[ArrayGroup]:
     """Return the measured frames of an array, in one group per pad or cover."""
     names = [one.frame for one in read_labels() if one.array == array]
     if array == 'tekscan':
-        return [Group(list(read_frames(array, data, names)), 255)]
+        return [ArrayGroup(list(read_frames(array, data, names)), 255)]
     if array == 'weiss':
         hands = [read_hand(data / WEISS / file) for file in sorted({name.split('#')[0] for name in names})]
-        return [Group([hand[k][hand[k].sum((1, 2)).argmax()] for hand in hands], 4095) for k in range(len(PADS))]
+        return [ArrayGroup([hand[k][hand[k].sum((1, 2)).argmax()] for hand in hands], 4095) for k in range(len(PADS))]
     covers = sorted(cover for cover in (data / VITAC).iterdir() if 'Press' in cover.name)
-    return [Group([frame for file in sorted(cover.rglob('raw.csv'))
+    return [ArrayGroup([frame for file in sorted(cover.rglob('raw.csv'))
                    for frame in np.loadtxt(file, delimiter=',')[::STEP].reshape(-1, *VITAC_PAD)], 1.0)
             for cover in covers]
 
 
-def drawn() -> list[Group]:
+def drawn() -> list[ArrayGroup]:
     """Return frames from the generator, in one group per pad size."""
     rng, by_pad = np.random.default_rng(SEED), defaultdict(list)
     while sum(map(len, by_pad.values())) < DRAWN:
         if (touch := random_touch(rng, None)) is not None:
             frame = read_by(rng, touch, on_off=False)
             by_pad[frame.shape].append(frame)
-    return [Group(frames, max(frame.max() for frame in frames)) for frames in by_pad.values()]
+    return [ArrayGroup(frames, max(frame.max() for frame in frames)) for frames in by_pad.values()]
 
 
 def labelled_bars(array: str) -> str:
@@ -93,7 +93,7 @@ def labelled_bars(array: str) -> str:
     return f'{labels.count(Shape.RECTANGLE.value)} of {len(labels)}' if labels else '-'
 
 
-def draw(path: Path, groups: list[Group]) -> None:
+def draw(path: Path, groups: list[ArrayGroup]) -> None:
     """Draw frames from the generator, with one pad size per column."""
     figure, axes = plt.subplots(ROWS, COLS, figsize=(12, 4.5), layout='constrained')
     for k, axis in enumerate(axes.flat):

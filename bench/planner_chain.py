@@ -33,7 +33,7 @@ class _Pad:
         return pad_shape(frame, result, 'learned', 0.0).complete_message
 
 
-class Chain:
+class PlannerChain:
     """Turns the frames of both pads into grasp messages. All times come from one steady clock [s]."""
 
     def __init__(self, finger_ends: SkinSide = NO_SIDE) -> None:

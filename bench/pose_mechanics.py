@@ -47,7 +47,7 @@ class Pressed(NamedTuple):
     truth: np.ndarray
 
 
-class Skin(NamedTuple):
+class PoseSkin(NamedTuple):
     """A skin with the depth of its taxels [pitches] and a curve that converts pressure to a reading [full scale]."""
 
     depth: float
@@ -85,7 +85,7 @@ def outlined(solution: Solution) -> Outlined:
 
 
 def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area: float,
-            skin: Skin | None = None) -> Pressed:
+            skin: PoseSkin | None = None) -> Pressed:
     """Return a frame of ``solution`` with a contact of ``area`` taxels at a random pose and pressure.
 
     Without ``skin``, the taxels have a random depth.

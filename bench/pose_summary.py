@@ -4,7 +4,7 @@ The script bench_pose.py records its tables itself. The tables of bench_box.py a
 the output of these scripts.
 """
 
-from bench.recognition.views import Page, Row, View, across, columns, names, of
+from bench.recognition.views import ResultPage, Row, View, across, columns, names, of
 
 FOLDER = 'pose_tables'  #: Folder of the recorded tables, next to the page.
 READING = ('All errors are medians. The error of the centre is in pitches. The error of the angle is in degrees and '
@@ -87,5 +87,5 @@ VIEWS = (
                  settled=of('right, fused, from 100 ms (200 ms after a change) on'),
                  flicker_single=of('flicker single'), flicker_fused=of('flicker fused'),
                  frames_to_follow=lambda row: row['frames to follow a change, median; 95 %; most'])))
-PAGE = Page('bench/bench_pose.py --page', 'pose_results.md', FOLDER, 'Pose, size and fusion, as measured', READING,
-            VIEWS)
+PAGE = ResultPage('bench/bench_pose.py --page', 'pose_results.md', FOLDER, 'Pose, size and fusion, as measured',
+                  READING, VIEWS)

@@ -37,20 +37,20 @@ CONDITIONS = {
 }
 
 
-class Sample(NamedTuple):
+class PoseSample(NamedTuple):
     contact: Contact
     values: np.ndarray
     mask: np.ndarray
 
 
-def draw(rng: np.random.Generator, shape: str, area: float, condition: Condition) -> Sample:
+def draw(rng: np.random.Generator, shape: str, area: float, condition: Condition) -> PoseSample:
     contact = random_contact(rng, shape, area, rows=PAD, cols=PAD)
     if condition.skin is None:
         pattern = contact.pattern(PAD, PAD)
-        return Sample(contact, pattern, pattern)
+        return PoseSample(contact, pattern, pattern)
     tilt = tuple(rng.uniform(-condition.tilt, condition.tilt, 2))
     values = pressure_frame(contact, rng, PAD, PAD, tilt=tilt, skin=condition.skin)
-    return Sample(contact, values, PatternExtractor(PressThresholds(PRESS, RELEASE)).extract(values).mask)
+    return PoseSample(contact, values, PatternExtractor(PressThresholds(PRESS, RELEASE)).extract(values).mask)
 
 
 class Error(NamedTuple):
@@ -83,7 +83,7 @@ def error_from(parameters: np.ndarray, symmetry: int, true: np.ndarray, count: i
                  float(np.abs(vector[-count:] / true[-count:]).max() * 100), vector)
 
 
-def by_moments(sample: Sample) -> np.ndarray:
+def by_moments(sample: PoseSample) -> np.ndarray:
     """Return the parameters from `first_guesses`, which uses closed forms of moments up to the fourth."""
     values = np.where(sample.mask & np.isfinite(sample.values), sample.values, 0).astype(float)
     rows, cols = np.nonzero(values > 0)
@@ -92,7 +92,7 @@ def by_moments(sample: Sample) -> np.ndarray:
     return parameters
 
 
-def by_rectangle(sample: Sample) -> np.ndarray:
+def by_rectangle(sample: PoseSample) -> np.ndarray:
     """Return the shape's parameters, with dimensions from the smallest rectangle around the contact's taxels."""
     rows, cols = np.nonzero(sample.mask)
     squares = np.concatenate([np.column_stack((cols + dx, rows + dy)) for dx in (-.5, .5) for dy in (-.5, .5)])

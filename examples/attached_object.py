@@ -23,7 +23,7 @@ from tactile_skin.msg import Grasp, GraspSides
 OBJECT = 'held'
 
 
-class HeldObject:
+class AttachedObject:
     """Decides from each grasp whether to attach or to detach the object.
 
     The object is attached when a grasp may be acted on and describes a complete object. The object is detached when
@@ -80,13 +80,13 @@ class HeldObject:
 
 
 class AttachedObjectNode(Node):
-    """Publishes the changes of `HeldObject` while MoveIt subscribes to them."""
+    """Publishes the changes of `AttachedObject` while MoveIt subscribes to them."""
 
     def __init__(self, steady: Callable[[], float] = time.monotonic, **options: Any):
         super().__init__('attached_object', **options)
         link = self.declare_parameter('link', 'panda_hand').value
         touch_links = self.declare_parameter('touch_links', ['panda_leftfinger', 'panda_rightfinger']).value
-        self._held = HeldObject(link, touch_links)
+        self._held = AttachedObject(link, touch_links)
         self._grasp, self._sides = Grasp(), GraspSides()
         self._steady, self._arrival = steady, steady()
         self._publisher = self.create_publisher(AttachedCollisionObject, 'attached_collision_object', 10)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from examples.demo.observation import Performance, Seen, SeenFit, verdicts_of
+from examples.demo.observation import Performance, SeenFit, SeenFrame, verdicts_of
 from examples.demo.report import score, speed, table, write_csv
 from examples.demo.skin import Script
 from examples.demo.touches import TouchedPad, scripted_touches
@@ -33,9 +33,9 @@ TOUCHES = (SimulatedTouch(Contact('rectangle', (5, 2.5), 7.5, 6.25, 0.5), 0.0, 1
 def verdicts():
     taxels = np.zeros((16, 16))
     names = {'rectangle': 0.1, 'circle': 0.1, 'square': 0.0}
-    seen = [Seen(0.5, {**names, 'rectangle': 0.9}, taxels, RECTANGLE),
-            Seen(2.5, {**names, 'circle': 0.9}, taxels, CIRCLE),
-            Seen(4.5, {**names, 'circle': 0.8}, taxels, None)]
+    seen = [SeenFrame(0.5, {**names, 'rectangle': 0.9}, taxels, RECTANGLE),
+            SeenFrame(2.5, {**names, 'circle': 0.9}, taxels, CIRCLE),
+            SeenFrame(4.5, {**names, 'circle': 0.8}, taxels, None)]
     return verdicts_of('left', TOUCHES, seen, PITCH)
 
 
@@ -52,7 +52,7 @@ def test_the_csv_has_pose_and_size_with_their_deviations_as_numbers(verdicts, tm
 def circle(radius, sd=0.03):
     """Return the verdict on a touch by a circle of 4 mm radius whose measured radius is ``radius`` [mm]."""
     fit = CIRCLE._replace(dimensions={'radius': 1e-3 * radius}, covariance=np.diag([1e-5, 2e-5, 1e-3 * sd]) ** 2)
-    verdict, = verdicts_of('left', TOUCHES[1:2], [Seen(2.5, {'circle': 1.0}, np.zeros((16, 16)), fit)], PITCH)
+    verdict, = verdicts_of('left', TOUCHES[1:2], [SeenFrame(2.5, {'circle': 1.0}, np.zeros((16, 16)), fit)], PITCH)
     return verdict
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import documented_commands as documented
 import numpy as np
 import pytest
-from command_rules import HERE, RULES, Kind
+from command_rules import HERE, RULES, CommandKind
 from matplotlib import pyplot
 
 from tactile_node.cli.main import main
@@ -33,7 +33,7 @@ ALL = documented.commands()
     'tactile check', 'tactile check --jsn x.yaml', 'tactile see x.yaml', 'tactile scan --listen long',
     'make tests', 'python bench/no_such_file.py', 'ros2 launch tactile_skin bringup.launch.py no_such:=1'])
 def test_a_command_that_does_not_exist_is_a_problem(text):
-    assert documented.problem(documented.Command('page', 1, text, False))
+    assert documented.problem(documented.DocumentedCommand('page', 1, text, False))
 
 
 @pytest.mark.parametrize('page', sorted({each.page for each in ALL}))
@@ -45,13 +45,13 @@ def test_every_command_has_a_class_and_names_what_exists(page):
 
 def test_the_tests_that_rules_name_exist_and_run_such_a_command():
     for rule in RULES:
-        if rule.kind is Kind.TESTED:
+        if rule.kind is CommandKind.TESTED:
             program, word = rule.pattern.replace('3?', '').removeprefix('^').split(' ')[:2]
             name = word.split('.*')[0] if program == 'tactile' else word.split('/')[-1].removesuffix('.py')
             assert name in (ROOT / rule.where).read_text(encoding='utf-8'), rule
 
 
-RUN = [each for each in ALL if each.rule and each.rule.kind is Kind.RUN]
+RUN = [each for each in ALL if each.rule and each.rule.kind is CommandKind.RUN]
 SKIN = f'tactile simulate --pty --link {LINK}'
 
 

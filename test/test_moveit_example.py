@@ -26,7 +26,7 @@ def held(collision_object_message, monkeypatch):
     import attached_object
     monkeypatch.setattr(attached_object, 'check_grasp', lambda message: None)
     monkeypatch.setattr(attached_object, 'check_grasp_sides', lambda message: None)
-    return attached_object.HeldObject('panda_hand', ['panda_leftfinger'])
+    return attached_object.AttachedObject('panda_hand', ['panda_leftfinger'])
 
 
 def grasp(contact=Grasp.TWO_SIDED, **fields):
@@ -93,7 +93,7 @@ def test_the_object_is_attached_again_after_moveit_was_gone(held):
 
 def test_an_invalid_message_changes_nothing(collision_object_message):
     import attached_object
-    assert attached_object.HeldObject('panda_hand', []).changed_by(Grasp(), GraspSides(), 0.0) is None
+    assert attached_object.AttachedObject('panda_hand', []).changed_by(Grasp(), GraspSides(), 0.0) is None
 
 
 def test_the_pads_of_the_panda_face_each_other_where_its_fingers_are():

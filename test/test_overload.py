@@ -78,7 +78,7 @@ def test_frames_that_an_earlier_stage_left_out_do_not_count_as_lost(ros):
     bench = RosBench(ros)
     receiver, left_out, qos = bench.add('receiver'), [], frames_qos(SENT)
     subscription = GuardedSubscription(receiver, Contact, 'contact', check=lambda message: None, qos=qos,
-                                       callback=lambda message: left_out.append(subscription._guard.left_out))
+                                       callback=lambda message: left_out.append(subscription.left_out))
     publisher = bench.add('sender').create_publisher(Contact, 'contact', qos)
     bench.until(publisher.get_subscription_count)
     # One message is lost between the last two messages.

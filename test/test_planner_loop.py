@@ -15,7 +15,7 @@ import planner_world
 import pytest
 import rclpy
 from grasp_loop import MOVES, SETTLE, GraspLoop, Reason
-from planner_chain import Chain
+from planner_chain import PlannerChain
 from planner_client import Correction
 from planner_world import AIM, FORCE, PITCH, STIFFNESS, Placed, Thing, close, noisy
 from rclpy.parameter import Parameter
@@ -100,7 +100,7 @@ def advice(monkeypatch, thing, turn=(0.0, 0.0, 0.0), force=2.0, shift=0.0):
     """
     monkeypatch.setattr(planner_world, 'FORCE', force)
     closed = close(Placed(thing, np.array((AIM[0] + shift, AIM[1], 0.0)), Rotation.from_rotvec(turn)))
-    chain, random = Chain(), np.random.default_rng(2000)
+    chain, random = PlannerChain(), np.random.default_rng(2000)
     for number in range(20):
         values = closed.values if number > 3 else (np.zeros((16, 16)),) * 2
         frames = {side: noisy(each, random) for side, each in zip(('left', 'right'), values)}

@@ -16,16 +16,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from command_rules import PROGRAMS, RULES, Kind, Rule
+from command_rules import PROGRAMS, RULES, CommandKind, Rule
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
-TESTED = (Kind.RUN, Kind.TESTED)
+TESTED = (CommandKind.RUN, CommandKind.TESTED)
 SHELL_WORDS = ('>', '>>', '<', '|', '&&', ';')
 
 
-class Command(NamedTuple):
+class DocumentedCommand(NamedTuple):
     page: str
     line: int
     text: str
@@ -40,31 +40,31 @@ class Command(NamedTuple):
     @property
     def rule(self) -> Rule | None:
         found = next((rule for rule in RULES if re.search(rule.pattern, self.text)), None)
-        return Rule('', Kind.CHECKED) if self.in_sentence and (found is None or found.kind in TESTED) else found
+        return Rule('', CommandKind.CHECKED) if self.in_sentence and (found is None or found.kind in TESTED) else found
 
 
 def pages() -> list[Path]:
     return [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 
 
-def commands() -> list[Command]:
+def commands() -> list[DocumentedCommand]:
     return [command for page in pages()
             for command in commands_of(page.read_text(encoding='utf-8'), str(page.relative_to(ROOT)))]
 
 
-def commands_of(text: str, page: str) -> list[Command]:
+def commands_of(text: str, page: str) -> list[DocumentedCommand]:
     """Return the commands on a page, in the order of the page.
 
     >>> [(each.line, each.text) for each in commands_of('See `make test`:\\n\\n    make demo  # now\\n', 'a')]
     [(1, 'make test'), (3, 'make demo')]
     """
     blocks, prose = _blocks(text.splitlines())
-    found = [Command(page, number, line, False) for block in blocks if any(map(_is_command, block.values()))
+    found = [DocumentedCommand(page, number, line, False) for block in blocks if any(map(_is_command, block.values()))
              for number, line in block.items()]
     for match in re.finditer(r'`([^`]+)`', '\n'.join(prose)):
         code = ' '.join(match[1].split())
         if ' ' in code and _is_command(code):
-            found.append(Command(page, match.string.count('\n', 0, match.start()) + 1, code, True))
+            found.append(DocumentedCommand(page, match.string.count('\n', 0, match.start()) + 1, code, True))
     return sorted(found, key=lambda command: command.line)
 
 
@@ -108,7 +108,7 @@ def _is_command(text: str) -> bool:
     return text.split(' ')[0] in PROGRAMS and not text.startswith('make:')
 
 
-def problem(command: Command) -> str | None:
+def problem(command: DocumentedCommand) -> str | None:
     """Return a description of an invalid name in the command, or None if all names are valid."""
     words = command.words
     if words[0] == 'tactile':
@@ -158,7 +158,7 @@ def _all_parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentP
 
 def main() -> int:
     found = commands()
-    for kind in Kind:
+    for kind in CommandKind:
         chosen = [command for command in found if command.rule and command.rule.kind is kind]
         print(f'\n{kind.value}: {len(chosen)}')
         for command in chosen:

@@ -14,7 +14,7 @@ from training.ground_truth.layer import measured, sample, stress_field
 from training.ground_truth.mechanics import Solution
 from training.ground_truth.seeds import Purpose, generator
 from training.mechanics import DEPTH, solution_pool
-from training.model import Model
+from training.model import TorchModel
 from training.real_arrays import draw_real
 from training.samples import LABELS, SMALLEST, UNKNOWN, Samples, joined_samples, samples_from
 from training.segmentation import as_shipped
@@ -47,7 +47,7 @@ class Validation(NamedTuple):
     log_taxels: np.ndarray
 
 
-def validation(model: Model, on_off: bool, seed: int, folder: Path) -> list[Validation]:
+def validation(model: TorchModel, on_off: bool, seed: int, folder: Path) -> list[Validation]:
     """Return the validation contacts from each source.
 
     The sources are our generator and, for pressures, also contact mechanics and real arrays.
@@ -87,7 +87,7 @@ def mechanics_samples(rng: np.random.Generator, folder: Path) -> Samples:
     return samples_from(found)
 
 
-def logits(model: Model, samples: Samples) -> np.ndarray:
+def logits(model: TorchModel, samples: Samples) -> np.ndarray:
     with torch.no_grad():
         parts = [model(*map(torch.as_tensor, samples.inputs(part))).numpy()
                  for part in np.array_split(np.arange(len(samples.labels)), len(samples.labels) // 1000 + 1)]

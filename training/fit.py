@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from training.model import Model
+from training.model import TorchModel
 from training.samples import UNKNOWN, Samples
 
 #: Number of samples from each pool in a batch.
@@ -88,9 +88,9 @@ class Fit:
     ----------
     done : int
         Number of completed steps.
-    model : Model
+    model : TorchModel
         The network being trained.
-    average : Model
+    average : TorchModel
         A copy of the network with the running average of the weights. This copy is the result of the training.
     """
 
@@ -99,7 +99,7 @@ class Fit:
         torch.manual_seed(seed)
         self.steps, self.done, self.rng = steps, 0, np.random.default_rng(seed)
         self.batches = batches(pools, self.rng)
-        model = Model(geometry.mean(0), geometry.std(0) + 1e-3)
+        model = TorchModel(geometry.mean(0), geometry.std(0) + 1e-3)
         self.model, self.average = (each.to(memory_format=torch.channels_last)
                                     for each in (model, copy.deepcopy(model)))
         self.optimiser = torch.optim.AdamW(self.model.parameters(), RATE, weight_decay=DECAY)

@@ -12,7 +12,7 @@ CHANNELS = (2, 24, 48)  #: Number of channels in the images, and after each conv
 HIDDEN = (128, 64)      #: Number of outputs of each hidden dense layer.
 
 
-class Model(nn.Module):
+class TorchModel(nn.Module):
     """PyTorch version of tactile_node.shape.network, for training.
 
     Parameters

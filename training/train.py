@@ -27,7 +27,7 @@ from training.calibration import calibrated, validation, validation_solutions
 from training.drawn_by import claim
 from training.fit import MIX, Fit
 from training.mechanics import solution_pool
-from training.model import Model
+from training.model import TorchModel
 from training.pools import FORMS, Part, draw_part, forms_of, read_parts
 
 #: Number of parts in each pool. A part has about 10,000 samples.
@@ -41,12 +41,12 @@ KEPT = 1000  #: Number of steps between two saved states of a training.
 SHIPPED = Path('config/recogniser.npz')
 
 
-def exported(model: Model, kind: str, seed: int, folder: Path) -> dict[str, np.ndarray]:
+def exported(model: TorchModel, kind: str, seed: int, folder: Path) -> dict[str, np.ndarray]:
     """Return the weights and the calibration of one network.
 
     Parameters
     ----------
-    model : Model
+    model : TorchModel
         The trained network.
     kind : str
         'graded' or 'on_off'.

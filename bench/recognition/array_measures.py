@@ -21,7 +21,7 @@ RATE = 30.0    #: Frame rate of the recordings [1/s].
 PLATEAU = 0.2  #: The stamp presses while the sum of readings exceeds this share of the highest sum.
 
 
-class Group(NamedTuple):
+class ArrayGroup(NamedTuple):
     """Frames of one array or of one pad."""
 
     frames: list[np.ndarray]
@@ -52,7 +52,7 @@ def elongation(mask: np.ndarray) -> float:
     return float(np.sqrt(high / low))
 
 
-def measure(groups: list[Group]) -> dict[str, str]:
+def measure(groups: list[ArrayGroup]) -> dict[str, str]:
     """Return the value of each quantity as text."""
     taxels, rows, cols, residuals, outside = [], [], [], [], defaultdict(list)
     sizes, edges, hollow, bars, whole_range = [], [], 0, 0, []

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from bench.recognition.figures import Rate
+from bench.recognition.figures import PercentRate
 from bench.recognition.idle import IDLE, Idle
 from bench.recognition.page import Table
 from tactile_node import ContactStream, Recogniser, find_contact
@@ -34,14 +34,14 @@ Recognise = Callable[[np.ndarray], Shape]
 NewStream = Callable[[], Stream]
 
 
-class Seen(NamedTuple):
+class DisturbanceResult(NamedTuple):
     """Result for one kind of disturbance."""
 
     kind: str
-    called: Rate          #: single frames that are reported as one of the five shapes
+    called: PercentRate          #: single frames that are reported as one of the five shapes
     by_shape: dict[Shape, int]
     longest: float        #: longest time for which a stream reports shapes without a break [s]
-    streams: Rate         #: sequences in which a stream reports a shape for more than LONGEST
+    streams: PercentRate         #: sequences in which a stream reports a shape for more than LONGEST
 
     @property
     def is_met(self) -> bool:
@@ -49,7 +49,7 @@ class Seen(NamedTuple):
 
 
 def measured(rng: np.random.Generator, kind: str, recognise: Recognise, new_stream: NewStream,
-             sequences: int = ENOUGH) -> Seen:
+             sequences: int = ENOUGH) -> DisturbanceResult:
     """Count the shapes reported for single frames, and measure how long a stream reports a shape.
 
     ``recognise`` returns the shape of a single frame, and ``new_stream`` makes a stream for one pad. The frames are
@@ -66,7 +66,8 @@ def measured(rng: np.random.Generator, kind: str, recognise: Recognise, new_stre
                 by_shape[shape] += 1
         times.append(PERIOD * longest_run(reported))
     too_long = sum(time > LONGEST + 1e-9 for time in times)
-    return Seen(kind, Rate(sum(by_shape.values()), frames), by_shape, max(times), Rate(too_long, len(times)))
+    return DisturbanceResult(kind, PercentRate(sum(by_shape.values()), frames), by_shape, max(times),
+                             PercentRate(too_long, len(times)))
 
 
 def library(recogniser: Recogniser) -> tuple[Recognise, NewStream]:
@@ -79,7 +80,7 @@ def library(recogniser: Recogniser) -> tuple[Recognise, NewStream]:
     return recognise, new_stream
 
 
-def table(found: list[Seen]) -> Table:
+def table(found: list[DisturbanceResult]) -> Table:
     made = Table('Nothing presses', f'{FRAMES} frames in each sequence at {1 / PERIOD:g} Hz, square pads of '
                  f'{min(SIDES)} to {max(SIDES)} taxels a side; share of single frames called one of the five shapes '
                  '[%] (for left-over taxels, the frames follow each other), and longest time for which a stream has a '

@@ -4,7 +4,7 @@ The script bench_recognition.py records its tables itself. The tables of bench_h
 bench_teach.py are copied from the output of these scripts.
 """
 
-from bench.recognition.views import Page, Row, View, across, columns, names, of
+from bench.recognition.views import ResultPage, Row, View, across, columns, names, of
 
 FOLDER = 'tables'  #: Folder of the recorded tables, next to the page.
 READING = ('All rates are in per cent. `on/off` stands for frames of on/off taxels, `pressures` for all other frames. '
@@ -110,9 +110,9 @@ OTHERS = (
          'families of the taught shape. *Refused* means that `tactile teach` does not write the file.',
          'Taught shapes', ('shape',), across('taught in', _taught)))
 PAGES = (
-    Page('bench/bench_recognition.py --page', 'recognition_results.md', FOLDER, 'The five shapes, as measured', READING,
-         KNOWN, ('recognition_blind_spots.png', 'By orientation, place, size, aspect and pressure')),
-    Page('bench/bench_recognition.py --page', 'faults_results.md', FOLDER, 'Noise, faults and hidden taxels, as '
-         'measured', READING, FAULTS),
-    Page('bench/bench_recognition.py --page', 'other_shapes_results.md', FOLDER, 'Nothing, other shapes and taught '
-         'shapes, as measured', READING, OTHERS))
+    ResultPage('bench/bench_recognition.py --page', 'recognition_results.md', FOLDER, 'The five shapes, as measured',
+               READING, KNOWN, ('recognition_blind_spots.png', 'By orientation, place, size, aspect and pressure')),
+    ResultPage('bench/bench_recognition.py --page', 'faults_results.md', FOLDER, 'Noise, faults and hidden taxels, as '
+               'measured', READING, FAULTS),
+    ResultPage('bench/bench_recognition.py --page', 'other_shapes_results.md', FOLDER, 'Nothing, other shapes and '
+               'taught shapes, as measured', READING, OTHERS))

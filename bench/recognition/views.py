@@ -76,7 +76,7 @@ def lines_of(view: View, rows: list[Row]) -> list[str]:
                           [[*key, *(each.get(name, '') for name in heads)] for key, each in cells.items()])
 
 
-class Page(NamedTuple):
+class ResultPage(NamedTuple):
     """A page of results, made from the recorded tables in a folder."""
 
     script: str   #: command that writes the page

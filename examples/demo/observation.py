@@ -78,7 +78,7 @@ class SeenFit(NamedTuple):
         return '' if self.angle is None else f'{np.degrees(self.angle):.1f} ± {np.degrees(self.sd("angle")):.1f}°'
 
 
-class Seen(NamedTuple):
+class SeenFrame(NamedTuple):
     """One recognised frame, with its time in the script [s], probabilities by shape, and taxels (rows, cols) [Pa]."""
 
     time: float
@@ -93,7 +93,7 @@ class Seen(NamedTuple):
         return max(self.probabilities, key=self.probabilities.__getitem__)
 
 
-class Verdict(NamedTuple):
+class TouchVerdict(NamedTuple):
     """One touch of one pad, with the recognition result over all frames in which the touch was steady."""
 
     pad: str
@@ -127,16 +127,17 @@ class Verdict(NamedTuple):
         return self.size_error <= SIZE_TOLERANCE * self.pitch
 
 
-def verdicts_of(pad: str, touches: tuple[SimulatedTouch, ...], seen: list[Seen], pitch: float) -> list[Verdict]:
+def verdicts_of(pad: str, touches: tuple[SimulatedTouch, ...], seen: list[SeenFrame],
+                pitch: float) -> list[TouchVerdict]:
     """Return a verdict for each touch with at least one frame. ``pitch`` is the distance between taxels [m]."""
     held = ((touch, [frame for frame in seen if touch.is_steady(frame.time)]) for touch in touches)
     return [_verdict(pad, touch, frames, pitch) for touch, frames in held if frames]
 
 
-def _verdict(pad: str, touch: SimulatedTouch, frames: list[Seen], pitch: float) -> Verdict:
+def _verdict(pad: str, touch: SimulatedTouch, frames: list[SeenFrame], pitch: float) -> TouchVerdict:
     means = {name: float(np.mean([frame.probabilities[name] for frame in frames]))
              for name in frames[0].probabilities}
     recognised = max(means, key=means.__getitem__)
     middle = frames[len(frames) // 2]
-    return Verdict(pad=pad, touch=touch, recognised=recognised, confidence=means[recognised], frames=len(frames),
-                   taxels=middle.taxels, fit=middle.fit, pitch=pitch)
+    return TouchVerdict(pad=pad, touch=touch, recognised=recognised, confidence=means[recognised], frames=len(frames),
+                        taxels=middle.taxels, fit=middle.fit, pitch=pitch)

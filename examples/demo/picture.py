@@ -9,7 +9,7 @@ from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 
-from examples.demo.observation import SeenFit, Verdict
+from examples.demo.observation import SeenFit, TouchVerdict
 from tactile_node.simulator.world import CLASSES
 
 TITLE = ('Pad "{pad}": true shapes, and the report of the shape topic (probability, size, centre, angle ± '
@@ -34,7 +34,7 @@ TRUE = 'white'   #: Colour of the true outline.
 RECOGNISED, WRONG = 'black', '#b30000'
 
 
-def draw_pad(verdicts: list[Verdict], pitch: float, path: Path) -> None:
+def draw_pad(verdicts: list[TouchVerdict], pitch: float, path: Path) -> None:
     """Draw the touches of one pad, with one column per shape and one row per size."""
     areas = sorted({round(verdict.touch.contact.area) for verdict in verdicts})
     height = TOP + BOTTOM + (PANEL + WORDS) * len(areas)
@@ -60,7 +60,7 @@ def draw_pad(verdicts: list[Verdict], pitch: float, path: Path) -> None:
     figure.savefig(path, dpi=DPI)
 
 
-def _draw_touch(axis: Axes, verdict: Verdict, pitch: float) -> AxesImage:
+def _draw_touch(axis: Axes, verdict: TouchVerdict, pitch: float) -> AxesImage:
     """Draw one touch, and return the image for the colour bar."""
     millimetres = 1000 * pitch
     rows, cols = verdict.taxels.shape

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from examples.demo.observation import SIZE_TOLERANCE, Performance, SeenFit, Verdict
+from examples.demo.observation import SIZE_TOLERANCE, Performance, SeenFit, TouchVerdict
 
 #: table columns, which together fit into a terminal of 80 columns
 SHOWN = ('pad', '[s]', 'true', 'prob', 'true size', 'size')
@@ -14,7 +14,7 @@ TOUCHED = ('pad', 'touch', 'taxels', 'angle_deg', 'true', 'recognised', 'confide
 FOUND = ('size1_mm', 'size2_mm', 'size_sd_mm', 'x_mm', 'y_mm', 'centre_sd_mm', 'found_angle_deg', 'angle_sd_deg')
 
 
-def table(verdicts: list[Verdict]) -> str:
+def table(verdicts: list[TouchVerdict]) -> str:
     """Return the table as text with one line per touch, and mark wrong results."""
     cells = [_shown(verdict) for verdict in verdicts]
     widths = [max(map(len, column)) for column in zip(SHOWN, *cells)]
@@ -23,13 +23,13 @@ def table(verdicts: list[Verdict]) -> str:
     return '\n'.join((line + mark).rstrip() for line, mark in zip(lines, marks))
 
 
-def _mark(v: Verdict) -> str:
+def _mark(v: TouchVerdict) -> str:
     if not v.is_right_shape:
         return f'  <- wrong: {v.recognised}'
     return '' if v.is_right_size else '  <- wrong size'
 
 
-def score(verdicts: list[Verdict]) -> str:
+def score(verdicts: list[TouchVerdict]) -> str:
     """Return a sentence with the numbers of right shapes and right sizes."""
     return (f'{sum(v.is_right_shape for v in verdicts)} of {len(verdicts)} touches recognised, '
             f'{sum(v.is_right_size for v in verdicts)} of them with the right size '
@@ -52,18 +52,18 @@ def speed(performance: Performance) -> str:
     return text
 
 
-def write_csv(verdicts: list[Verdict], path: Path) -> None:
+def write_csv(verdicts: list[TouchVerdict], path: Path) -> None:
     with path.open('w', newline='', encoding='utf-8') as file:
         csv.writer(file).writerows([(*TOUCHED, *FOUND), *((*_touched(v), *_found(v.fit)) for v in verdicts)])
 
 
-def _shown(v: Verdict) -> tuple[str, ...]:
+def _shown(v: TouchVerdict) -> tuple[str, ...]:
     true = ' x '.join(f'{1000 * length:.1f}' for length in v.true_lengths)
     return (v.pad, f'{v.touch.begin:.1f}', v.touch.contact.shape, f'{v.confidence:.2f}', true,
             '' if v.fit is None else v.fit.size)
 
 
-def _touched(v: Verdict) -> tuple:
+def _touched(v: TouchVerdict) -> tuple:
     return (v.pad, f'{v.touch.begin:.1f} s', round(v.touch.contact.area), round(np.degrees(v.touch.contact.angle)),
             v.touch.contact.shape, v.recognised, f'{v.confidence:.2f}', v.frames,
             '' if np.isnan(v.size_error) else f'{1000 * v.size_error:.3f}')

@@ -15,7 +15,7 @@ from pathlib import Path
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from examples.demo.observation import Performance, Verdict, verdicts_of
+from examples.demo.observation import Performance, TouchVerdict, verdicts_of
 from examples.demo.touches import GAP, LAYOUT, NODE_IDS, PADS, demo_pads, scripts_of
 from examples.demo.watcher import Watcher
 from tactile_node.errors import TactileError
@@ -147,7 +147,7 @@ class DemoSession:
         self.performance = Performance(tuple(self.watcher.latency), frames=round(len(PADS) * end / SYNC_PERIOD),
                                        skin_late=report['late_p99'], waited=waited)
 
-    def verdicts(self) -> list[Verdict]:
+    def verdicts(self) -> list[TouchVerdict]:
         """Return a verdict for each touch."""
         return [verdict for pad, touches in self._touches.items()
                 for verdict in verdicts_of(pad, touches, self.watcher.seen[pad], self.pitch)]

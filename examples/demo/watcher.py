@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from rclpy.node import Node
 
-from examples.demo.observation import Seen, SeenFit
+from examples.demo.observation import SeenFit, SeenFrame
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.ros.contact_messages import taxel_values
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
@@ -31,7 +31,7 @@ class Watcher(Node):
         super().__init__('demo_watcher', **options)
         self._demo_time, self._full_scale = demo_time, full_scale
         self._waiting: dict[str, OrderedDict[int, np.ndarray]] = {pad: OrderedDict() for pad in pads}
-        self.seen: dict[str, list[Seen]] = {pad: [] for pad in pads}
+        self.seen: dict[str, list[SeenFrame]] = {pad: [] for pad in pads}
         #: times from SYNC to the arrival of each shape in this node, during the script [s]
         self.latency: list[float] = []
         self.incomplete = 0  #: number of taxel arrays with missing CAN frames
@@ -72,8 +72,8 @@ class Watcher(Node):
             self.latency.append(time.time() - stamp)
         if taxels is not None:
             names = dict(zip(message.class_names, map(float, message.probabilities)))
-            self.seen[pad].append(Seen(demo_time, names, np.array(taxels), _fit(message),
-                                       UnknownReason(message.unknown_reason)))
+            self.seen[pad].append(SeenFrame(demo_time, names, np.array(taxels), _fit(message),
+                                            UnknownReason(message.unknown_reason)))
 
 
 def _fit(message: ContactShape) -> SeenFit | None:
@@ -86,7 +86,7 @@ def _fit(message: ContactShape) -> SeenFit | None:
                    np.array([(point.x, point.y) for point in message.outline.points]))
 
 
-def _words(seen: Seen) -> str:
+def _words(seen: SeenFrame) -> str:
     name = seen.name
     about = '' if seen.fit is None else f' {seen.fit.lengths} mm'
     if name == Shape.UNKNOWN.value:

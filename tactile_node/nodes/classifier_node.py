@@ -10,6 +10,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from tactile_node.chain import Step
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.node_health import MessageHealth
+from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.stage import StageInput, StageNode, StageOutput, Stages
 from tactile_node.nodes.view_topics import ShapeView
@@ -19,7 +20,7 @@ from tactile_node.ros.message_age import Arrival, age_message
 from tactile_node.ros.message_checks import check_contact
 from tactile_node.ros.motion_messages import event_message
 from tactile_node.ros.parameters import declare, read
-from tactile_node.ros.qos import frames_qos, is_wanted
+from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import ClassifierSettings
 from tactile_node.ros.shape_messages import MOST_SHAPES, PadShape, pad_shape, pose_message, shapes_message
 from tactile_node.ros.time_messages import seconds
@@ -56,14 +57,13 @@ class ClassifierNode(StageNode):
         self._pipeline = ContactPipeline(
             make_recogniser(self._settings.method, self._settings.model), fits=self._settings.fit,
             fusion=DEFAULT_FUSION if self._settings.fuse else None, shift_per_load=self._settings.shift_per_load)
-        qos = self._settings.qos
+        qos, lossless = self._settings.qos, self._settings.lossless
         self.recognised = 0  #: number of contacts for which a shape was published
         self._shapes: StageOutput[PadShape] = StageOutput(self, ContactShape, 'shape', self._settings,
                                                           lambda shape: shape.complete_message, self._stages)
-        self._poses = self.create_publisher(PoseWithCovarianceStamped, 'pose', qos)
-        self._all_shapes = self.create_publisher(ContactShapes, 'shapes', qos)
-        self._events = self.create_publisher(ContactEvent, 'events',
-                                            frames_qos(EVENT_DEPTH, self._settings.lossless))
+        self._poses = OnDemandPublisher(self, PoseWithCovarianceStamped, 'pose', qos, lossless=lossless)
+        self._all_shapes = OnDemandPublisher(self, ContactShapes, 'shapes', qos, lossless=lossless)
+        self._events = self.create_publisher(ContactEvent, 'events', frames_qos(EVENT_DEPTH, lossless))
         self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
         self._contacts = StageInput(self, Contact, 'contact', self.accept, self._settings, check=check_contact,
                                     parse=pad_contact_of, stages=self._stages, step=Step.RECOGNISE)
@@ -77,26 +77,25 @@ class ClassifierNode(StageNode):
         shape = self._shape(contact, result, arrival)
         shape.message.left_out = self._contacts.left_out
         self._shapes.send(shape, arrival.acquired)
-        if shape.message.fit_valid and is_wanted(self._poses, self._settings.lossless):
-            self._poses.publish(pose_message(shape.message))
+        if shape.message.fit_valid:
+            self._poses.publish(lambda: pose_message(shape.message))
         for event in result.motion.events:
             self._events.publish(event_message(event, contact.header, contact.sequence, _age(arrival)))
         self.recognised += 1
-        if self._view.is_wanted or is_wanted(self._all_shapes, self._settings.lossless):
+        if self._view.is_wanted or self._all_shapes.is_wanted:
             self._contacts.postpone(lambda: self._publish_more(contact, result, shape, arrival))
 
     def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, arrival: Arrival) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
-        if is_wanted(self._all_shapes, self._settings.lossless):
-            self._publish_all(contact, result, arrival)
+        self._all_shapes.publish(lambda: self._all_shapes_of(contact, result, arrival))
         self._view.publish(contact, shape.message)
 
-    def _publish_all(self, contact: PadContact, largest: StreamedContact, arrival: Arrival) -> None:
+    def _all_shapes_of(self, contact: PadContact, largest: StreamedContact, arrival: Arrival) -> ContactShapes:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)
         shapes = [self._shape(contact, each, arrival).complete_message for each in results]
         together = shapes_message(contact, largest.contact.contacts, shapes)
         together.age = _age(arrival)
-        self._all_shapes.publish(together)
+        return together
 
     def _shape(self, contact: PadContact, result: StreamedContact, arrival: Arrival) -> PadShape:
         shape = pad_shape(contact.frame, result, self._settings.method, self._settings.solid_height)

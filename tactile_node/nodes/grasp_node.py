@@ -15,6 +15,7 @@ from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTr
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
 from tactile_node.nodes.node_health import MessageHealth
+from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_transforms import publish_pad_frames
 from tactile_node.nodes.run import run_node
@@ -23,7 +24,6 @@ from tactile_node.ros.grasp_messages import grasp_message, side_result, sides_me
 from tactile_node.ros.message_age import Arrival
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
-from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import GraspNodeSettings
 from tactile_node.ros.shape_messages import PadShape
 from tactile_node.ros.time_messages import seconds
@@ -79,8 +79,9 @@ class GraspNode(StageNode):
         publish_pad_frames(self, settings, gripper, self._opening)
         self._latest = {side: PadShape(ContactShape()) for side in SIDES}
         self._stamp = 0.0  # latest stamp, which serves as the clock of a lossless replay [s]
-        self._publisher = self.create_publisher(Grasp, 'grasp', settings.qos)
-        self._sides_publisher = self.create_publisher(GraspSides, 'grasp_sides', settings.qos)
+        qos, lossless = settings.qos, settings.lossless
+        self._grasps = OnDemandPublisher(self, Grasp, 'grasp', qos, lossless=lossless)
+        self._grasp_sides = OnDemandPublisher(self, GraspSides, 'grasp_sides', qos, lossless=lossless)
         self._requests = GraspRequests(self, self._current, steady)
         # time at which each side counts as silent unless another shape arrives, on the steady clock [s]
         self._silent_at = dict.fromkeys(SIDES, math.inf)
@@ -144,12 +145,9 @@ class GraspNode(StageNode):
             self._publish(self._tracker.state(now, opening.gap), opening)
 
     def _publish(self, state: GraspState, opening: Opening) -> None:
-        current = self._described(state, opening)
-        if is_wanted(self._publisher, self._settings.lossless):
-            self._publisher.publish(current.message())
-        if is_wanted(self._sides_publisher, self._settings.lossless):
-            self._sides_publisher.publish(sides_message(
-                state, [self._latest[side].complete_message for side in SIDES], self._settings.frame, self._ages()))
+        self._grasps.publish(self._described(state, opening).message)
+        self._grasp_sides.publish(lambda: sides_message(
+            state, [self._latest[side].complete_message for side in SIDES], self._settings.frame, self._ages()))
         if self._requests is not None:
             self._requests.wake()
 

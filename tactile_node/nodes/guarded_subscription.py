@@ -2,19 +2,17 @@
 
 import time
 from collections.abc import Callable
-from typing import Generic
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from tactile_node.nodes.guarded_input import GuardedInput
 from tactile_node.nodes.message_guard import MessageGuard
 from tactile_node.ros.message_checks import Check, Message
 
 
-class GuardedSubscription(GuardedInput, Generic[Message]):
-    """Calls a callback, on the executor's thread, with each message that passes a `MessageGuard`.
+class GuardedSubscription(MessageGuard[Message]):
+    """Calls a callback, on the executor's thread, with each message that passes the guard.
 
     Parameters
     ----------
@@ -42,11 +40,9 @@ class GuardedSubscription(GuardedInput, Generic[Message]):
     def __init__(self, node: Node, kind: type[Message], topic: str, callback: Callable[[Message], None],
                  qos: QoSProfile, *, check: Check[Message], newest_only: bool = False,
                  lossless: bool = False, steady: Callable[[], float] = time.monotonic):
-        self._node = node
+        super().__init__(node, kind, node.resolve_topic_name(topic), check, lossless=lossless, steady=steady)
         self._callback = callback
         self._takes_newest = newest_only and not lossless
-        full = node.resolve_topic_name(topic)
-        super().__init__(full, MessageGuard(node, kind, full, check, lossless=lossless, steady=steady))
         self._subscription: Subscription = node.create_subscription(kind, topic, self._on_message, qos)
 
     def destroy(self) -> None:
@@ -54,9 +50,9 @@ class GuardedSubscription(GuardedInput, Generic[Message]):
         self._node.destroy_subscription(self._subscription)
 
     def _on_message(self, message: Message) -> None:
-        self._guard.count_publishers()
-        usable = [each for each in (message, *self._waiting()) if self._guard.is_usable(each)]
-        self._guard.process(usable, self._callback)
+        self.count_publishers()
+        usable = [each for each in (message, *self._waiting()) if self.is_usable(each)]
+        self.process(usable, self._callback)
 
     def _waiting(self) -> list[Message]:
         """Take all messages that have arrived since the executor took the current message."""

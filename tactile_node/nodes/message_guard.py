@@ -39,6 +39,8 @@ class ChainMessage(AgedMessage, Protocol):
 class MessageGuard(Generic[Message]):
     """Checks and counts the messages of one topic, and calls the function that processes them.
 
+    `GuardedSubscription` and `StageInput` are the guards that receive the messages.
+
     Messages that cannot be used are dropped, counted by reason and logged. If the processing function raises an
     exception, the guard logs the traceback and counts the message as PROCESSING_FAILED.
 
@@ -67,6 +69,8 @@ class MessageGuard(Generic[Message]):
 
     Attributes
     ----------
+    topic : str
+        Full name of the topic.
     publishers : int
         Number of publishers of the topic at the last call of `count_publishers`.
     left_out : int
@@ -75,7 +79,7 @@ class MessageGuard(Generic[Message]):
 
     def __init__(self, node: Node, kind: type[Message], topic: str, check: Check[Message], *, lossless: bool = False,
                  steady: Callable[[], float] = time.monotonic):
-        self._node, self._topic, self._check, self._steady = node, topic, check, steady
+        self._node, self.topic, self._check, self._steady = node, topic, check, steady
         self._received = 0
         self._processed = 0
         self._dropped: Counter[RejectReason] = Counter()
@@ -103,7 +107,7 @@ class MessageGuard(Generic[Message]):
     def arrival(self) -> Arrival:
         """Arrival of the last usable message. Raises RuntimeError before the first message arrives."""
         if self._arrival is None:
-            raise RuntimeError(f'{self._topic}: no message of the chain has arrived')
+            raise RuntimeError(f'{self.topic}: no message of the chain has arrived')
         return self._arrival
 
     @property
@@ -113,8 +117,8 @@ class MessageGuard(Generic[Message]):
         if not self._kind_is_of_chain:
             return StreamHealth(self.counts, age)
         stamps_offset = self._stamp + age - time.time() if age < math.inf else math.nan
-        return StreamHealth(self.counts, age, tuple(publisher_names(self._node, self._topic)),
-                            publishers_of_other_type(self._node, self._topic), stamps_offset)
+        return StreamHealth(self.counts, age, tuple(publisher_names(self._node, self.topic)),
+                            publishers_of_other_type(self._node, self.topic), stamps_offset)
 
     def count_publishers(self) -> None:
         """Read the number of publishers from the ROS graph.
@@ -124,7 +128,7 @@ class MessageGuard(Generic[Message]):
         """
         if self._kind_is_of_chain:
             with self._node.handle:
-                self.publishers = self._node.handle.get_count_publishers(self._topic)
+                self.publishers = self._node.handle.get_count_publishers(self.topic)
 
     def is_usable(self, message: Any, acquired: float | None = None) -> bool:
         """Check a message and record it. Returns True if the message can be used, otherwise counts it as dropped.
@@ -186,7 +190,7 @@ class MessageGuard(Generic[Message]):
         is_next = self._sequence is not None and message.sequence == self._sequence + 1
         if self.publishers != self._typed_publishers or not is_next:
             self._typed_publishers = self.publishers
-            self._other_types = publishers_of_other_type(self._node, self._topic)
+            self._other_types = publishers_of_other_type(self._node, self.topic)
         return RejectReason.OTHER_TYPE if self._other_types else None
 
     def _check_stamp(self, message: Message) -> RejectReason | None:
@@ -218,7 +222,7 @@ class MessageGuard(Generic[Message]):
     def _drop(self, reason: RejectReason, error: Exception | None = None) -> None:
         self._dropped[reason] += 1
         if self._throttles[reason].is_due(reason.key, self._steady()):
-            logger.warning('message on %s dropped: %s (%d so far)', self._topic, reason.key, self._dropped[reason],
+            logger.warning('message on %s dropped: %s (%d so far)', self.topic, reason.key, self._dropped[reason],
                            exc_info=error, extra=of_node(self._node))
 
 

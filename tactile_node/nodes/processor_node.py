@@ -13,6 +13,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.node_health import MessageHealth
+from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.stage import StageInput, StageNode, StageOutput, Stages
 from tactile_node.nodes.view_topics import TaxelViews
@@ -28,7 +29,6 @@ from tactile_node.ros.contact_messages import (
 from tactile_node.ros.message_age import Arrival, age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import declare, follow_changes, read
-from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import ProcessorSettings
 from tactile_node.taxel_frame import PRESS_BY_UNIT
@@ -64,7 +64,7 @@ class ProcessorNode(StageNode):
         self._pipeline = ContactPipeline(thresholds=thresholds_of(settings), smallest_contact=settings.smallest_contact)
         self._scales = scales_of(settings)
         self._contacts = StageOutput(self, Contact, 'contact', self._settings, contact_message, self._stages)
-        self._features = self.create_publisher(ContactFeatures, 'features', self._settings.qos)
+        self._features = OnDemandPublisher(self, ContactFeatures, 'features', settings.qos, lossless=settings.lossless)
         self._views = TaxelViews(self, self._settings.queue_depth, self._settings.full_scale)
         self._taxels = StageInput(self, TaxelArray, 'taxels', self.accept, self._settings, check=check_taxel_array,
                                   parse=pad_frame_of, stages=self._stages,
@@ -91,16 +91,18 @@ class ProcessorNode(StageNode):
         contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
         arrival = self._taxels.arrival
         self._contacts.send(contact, arrival.acquired)
-        if self._views.is_wanted or is_wanted(self._features, self._settings.lossless):
+        if self._views.is_wanted or self._features.is_wanted:
             self._taxels.postpone(lambda: self._publish_more(contact, arrival))
 
     def _publish_more(self, contact: PadContact, arrival: Arrival) -> None:
         """Publish features, images and wrenches, which no other stage waits for."""
-        if is_wanted(self._features, self._settings.lossless):
-            features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
-            features.age = age_message(arrival.age(time.monotonic()))
-            self._features.publish(features)
+        self._features.publish(lambda: self._features_of(contact, arrival))
         self._views.publish(contact)
+
+    def _features_of(self, contact: PadContact, arrival: Arrival) -> ContactFeatures:
+        features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
+        features.age = age_message(arrival.age(time.monotonic()))
+        return features
 
 
 def check(settings: ProcessorSettings) -> None:

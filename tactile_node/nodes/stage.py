@@ -17,13 +17,12 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Header
 
 from tactile_node.chain import Chain, Step
-from tactile_node.nodes.guarded_input import GuardedInput
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
+from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.ticker import Ticker
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import StreamHealth
-from tactile_node.ros.qos import is_wanted
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
 
 #: Time between two checks for other publishers [s], which is about as long as ROS discovery takes.
@@ -78,7 +77,7 @@ class Stages:
         return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
 
 
-class StageInput(GuardedInput, Generic[Message, Result]):
+class StageInput(MessageGuard[Message], Generic[Message, Result]):
     """Input of a stage, which receives results from a stage of the same process or messages from a topic.
 
     The input subscribes to the topic unless a stage of this process is its only publisher. If another node also
@@ -113,8 +112,6 @@ class StageInput(GuardedInput, Generic[Message, Result]):
 
     Attributes
     ----------
-    topic : str
-        Full name of the topic.
     sends_on : str or None
         Topic of this stage's results, or None for the last stage of a pad.
     """
@@ -123,14 +120,11 @@ class StageInput(GuardedInput, Generic[Message, Result]):
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
-        self._node, self._accept, self._parse, self._stages = node, accept, parse, stages
+        super().__init__(node, kind, node.resolve_topic_name(topic), check, lossless=settings.lossless, steady=steady)
+        self._accept, self._parse, self._stages = accept, parse, stages
         self._step = step
         self._most_waiting = math.inf if settings.lossless else most_waiting
         qos = settings.input_qos
-        self._steady = steady
-        full = node.resolve_topic_name(topic)
-        super().__init__(full, MessageGuard(node, kind, full, check, lossless=settings.lossless,
-                                            steady=steady))
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
         # usable results that wait for ``step``, each after the results that it has overtaken
@@ -145,14 +139,9 @@ class StageInput(GuardedInput, Generic[Message, Result]):
         stages.add(self)
 
     @property
-    def left_out(self) -> int:
-        """Number of frames directly before the current result that were overtaken at this stage or an earlier one."""
-        return self._guard.left_out
-
-    @property
     def health(self) -> StreamHealth:
         """Counts, age and stamp of the newest data, and the publishers of the topic."""
-        self._guard.count_publishers()
+        self.count_publishers()
         self._listen()
         return super().health
 
@@ -171,8 +160,8 @@ class StageInput(GuardedInput, Generic[Message, Result]):
         acquired : float
             Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
         """
-        self._guard.attempt(self._look_for_others)
-        if self._guard.is_usable(result, acquired):
+        self.attempt(self._look_for_others)
+        if self.is_usable(result, acquired):
             self._receive(result)
 
     def end_feeding(self) -> None:
@@ -182,7 +171,7 @@ class StageInput(GuardedInput, Generic[Message, Result]):
 
     def postpone(self, publish: Callable[[], None]) -> None:
         """Publish what only viewers need, when this no longer delays a shape."""
-        self._stages.chain.postpone(Step.SHOW, self.arrival.acquired, self._guard.attempt, publish)
+        self._stages.chain.postpone(Step.SHOW, self.arrival.acquired, self.attempt, publish)
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
@@ -193,18 +182,18 @@ class StageInput(GuardedInput, Generic[Message, Result]):
 
     def _receive(self, result: Result) -> None:
         if self._step is None:
-            self._guard.process([result], self._accept)
+            self.process([result], self._accept)
             return
         self._waiting.append([result])
         if len(self._waiting) > self._most_waiting:
             overtaken = self._waiting.popleft()
             self._waiting[0][:0] = overtaken
         else:
-            self._stages.chain.postpone(self._step, self.arrival.acquired, self._process)
+            self._stages.chain.postpone(self._step, self.arrival.acquired, self._process_next)
 
-    def _process(self) -> None:
+    def _process_next(self) -> None:
         if self._waiting:
-            self._guard.process(self._waiting.popleft(), self._accept)
+            self.process(self._waiting.popleft(), self._accept)
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
@@ -214,9 +203,9 @@ class StageInput(GuardedInput, Generic[Message, Result]):
         if not self._arrived:  # the queue was full, or the node is ending
             return
         message = self._arrived.popleft()
-        self._guard.count_publishers()
-        if frame_key(message) not in self._own and self._guard.is_usable(message):
-            self._guard.attempt(lambda: self._receive(self._parse(message)))
+        self.count_publishers()
+        if frame_key(message) not in self._own and self.is_usable(message):
+            self.attempt(lambda: self._receive(self._parse(message)))
 
     def _look_for_others(self) -> None:
         """Let the executor subscribe to the topic if another node publishes it, and end the subscription otherwise."""
@@ -224,7 +213,7 @@ class StageInput(GuardedInput, Generic[Message, Result]):
         if now - self._listened < LISTENING_PERIOD:
             return
         self._listened = now
-        self._guard.count_publishers()
+        self.count_publishers()
         executor = self._node.executor
         if executor is not None and self._has_others != (self._subscription is not None):
             executor.create_task(self._listen)
@@ -232,7 +221,7 @@ class StageInput(GuardedInput, Generic[Message, Result]):
     @property
     def _has_others(self) -> bool:
         """True if another node publishes the topic, or if no stage of this process does."""
-        return not self._is_fed or self._guard.publishers > 1
+        return not self._is_fed or self.publishers > 1
 
     def _listen(self) -> None:
         if self._has_others and self._subscription is None:
@@ -265,10 +254,10 @@ class StageOutput(Generic[Result]):
 
     def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
                  stages: Stages):
-        self._node, self._make, self._stages = node, make, stages
-        self._is_lossless = settings.lossless
-        self._publisher: Any = node.create_publisher(kind, topic, settings.qos)
-        self.topic: str = self._publisher.topic_name  #: full name of the topic
+        self._make, self._stages = make, stages
+        self._publisher: OnDemandPublisher[Any] = OnDemandPublisher(node, kind, topic, settings.qos,
+                                                                    lossless=settings.lossless)
+        self.topic = self._publisher.topic  #: full name of the topic
 
     def send(self, result: Result, acquired: float) -> None:
         """Publish a result and pass it on, on the chain thread.
@@ -284,10 +273,7 @@ class StageOutput(Generic[Result]):
         if reader is not None:
             reader.announce(result)
         try:
-            if is_wanted(self._publisher, self._is_lossless):
-                message = self._make(result)
-                message.age = age_message(time.monotonic() - acquired)
-                self._publisher.publish(message)
+            self._publisher.publish(lambda: self._message(result, acquired))
         finally:  # the next stage must get the result even if publishing the message fails
             if reader is not None:
                 reader.feed(result, acquired)
@@ -297,7 +283,12 @@ class StageOutput(Generic[Result]):
         reader = self._stages.input_of(self.topic)
         if reader is not None:
             reader.end_feeding()
-        self._node.destroy_publisher(self._publisher)
+        self._publisher.destroy()
+
+    def _message(self, result: Result, acquired: float) -> Any:
+        message = self._make(result)
+        message.age = age_message(time.monotonic() - acquired)
+        return message
 
 
 class StageNode(Node):

@@ -1,8 +1,10 @@
-"""Publish images, wrenches and markers for viewers."""
+"""Publish images, wrenches and markers for viewers.
+
+Even in a lossless replay, these publishers do not keep earlier messages, because a viewer shows any image or marker as
+the current state.
+"""
 
 import time
-from collections.abc import Callable
-from typing import Any, Generic, TypeVar
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
@@ -10,47 +12,12 @@ from sensor_msgs.msg import Image
 from visualization_msgs.msg import MarkerArray
 
 from tactile_node.colour_map import ColourScale
+from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.ros.contact_messages import PadContact
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.time_messages import seconds
 from tactile_node.ros.view_messages import ContactMarkers, MarkerLifetime, colour_image, value_image, wrench_message
 from tactile_skin.msg import ContactShape
-
-Message = TypeVar('Message')
-
-
-class OnDemandPublisher(Generic[Message]):
-    """Publishes messages on a topic only while the topic has subscribers.
-
-    A late subscriber receives no earlier messages.
-
-    Even in a lossless replay, earlier messages are not kept, because a viewer shows any image or marker as the current
-    state.
-
-    Parameters
-    ----------
-    node : Node
-        Node that publishes.
-    kind : type
-        Type of the messages.
-    topic : str
-        Name of the topic.
-    depth : int
-        Queue depth of the publisher [messages].
-    """
-
-    def __init__(self, node: Node, kind: type[Message], topic: str, depth: int):
-        self._publisher: Any = node.create_publisher(kind, topic, frames_qos(depth))
-
-    @property
-    def is_wanted(self) -> bool:
-        """True while the topic has a subscriber."""
-        return self._publisher.get_subscription_count() > 0
-
-    def publish(self, make: Callable[[], Message]) -> None:
-        """Publish the message that ``make`` returns. If the topic has no subscriber, ``make`` is not called."""
-        if self.is_wanted:
-            self._publisher.publish(make())
 
 
 class TaxelViews:
@@ -67,9 +34,10 @@ class TaxelViews:
     """
 
     def __init__(self, node: Node, depth: int, full_scale: float):
-        self._values = OnDemandPublisher(node, Image, 'image', depth)
-        self._colours = OnDemandPublisher(node, Image, 'image_colour', depth)
-        self._wrench = OnDemandPublisher(node, WrenchStamped, 'wrench', depth)
+        qos = frames_qos(depth)
+        self._values = OnDemandPublisher(node, Image, 'image', qos)
+        self._colours = OnDemandPublisher(node, Image, 'image_colour', qos)
+        self._wrench = OnDemandPublisher(node, WrenchStamped, 'wrench', qos)
         self._scale = ColourScale(full_scale)
 
     @property
@@ -98,7 +66,7 @@ class ShapeView:
     """
 
     def __init__(self, node: Node, depth: int, full_scale: float):
-        self._publisher = OnDemandPublisher(node, MarkerArray, 'markers', depth)
+        self._publisher = OnDemandPublisher(node, MarkerArray, 'markers', frames_qos(depth))
         self._markers = ContactMarkers(ColourScale(full_scale))
         self._lifetime = MarkerLifetime()
 

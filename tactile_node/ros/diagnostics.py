@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import repeat
 from typing import NamedTuple
 
@@ -17,6 +17,8 @@ from tactile_node.conditioning.tare import ZeroState
 from tactile_node.ros.message_health import status_of
 
 EVALUATED_PERIOD = 1.0  #: time over which the level is evaluated [s]
+#: levels, the least severe first
+SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
 class Finding(NamedTuple):
@@ -90,14 +92,17 @@ class BusDiagnostics:
         return status_of(f'{self._node}: {part}', *finding, values, self._hardware_id)
 
 
+def worst_level(findings: Iterable[Finding]) -> bytes:
+    return max((finding.level for finding in findings), key=SEVERITY.index)
+
+
 def _failed(facts: BusFacts) -> Finding | None:
     return None if facts.failure is None else Finding(DiagnosticStatus.ERROR, str(facts.failure))
 
 
 def _worst(findings: list[Finding]) -> Finding:
     """Combine all findings of the worst level into one finding."""
-    order = (DiagnosticStatus.ERROR, DiagnosticStatus.WARN, DiagnosticStatus.STALE, DiagnosticStatus.OK)
-    level = next(level for level in order if any(finding.level == level for finding in findings))
+    level = worst_level(findings)
     return Finding(level, '; '.join(finding.message for finding in findings if finding.level == level))
 
 
@@ -157,10 +162,10 @@ def _condition_findings(condition: PadCondition) -> list[Finding]:
     faults = condition.faults
     texts = [f'{faults.total} faulty taxels, {faults_text(faults)}'] if faults.total else []
     if condition.is_frozen:
-            texts.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: the device may have '
-                         'stopped sampling')
+        texts.append(f'no taxel has changed by one count for {condition.unchanged:.1f} s: the device may have '
+                     'stopped sampling')
     if condition.other_publishers:
-            texts.append(f'other nodes also publish the taxels of this pad: {", ".join(condition.other_publishers)}')
+        texts.append(f'other nodes also publish the taxels of this pad: {", ".join(condition.other_publishers)}')
     findings = [Finding(DiagnosticStatus.WARN, one) for one in texts]
     if condition.zero is not ZeroState.VALID:
         detail = f': {condition.zero_error}' if condition.zero_error else ''

@@ -19,7 +19,7 @@ from tactile_node.grasp.tracker import GraspContact, GraspState, SideResult, Sid
 from tactile_node.ros.contact_messages import single
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.motion_messages import current_motion, is_moving
-from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER, contact_pitch, fitted_angle
+from tactile_node.ros.shape_messages import NAME_OF_NUMBER, contact_pitch, fitted_angle, number_of
 from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import SHAPES
 from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, GraspSides, RequirementState
@@ -27,10 +27,8 @@ from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, GraspSides, 
 #: Fraction of hidden taxels, in a contact or in the ring around the contact, above which the contact counts as largely
 #: hidden. A pad with 3 % dead taxels stays below this fraction.
 MOST_HIDDEN = 0.25
-#: class name -> code in ContactShape.msg
-NUMBER_OF_NAME = {shape.value: code for code, shape in SHAPE_OF_NUMBER.items()}
 #: code -> name of each shape that a requirement may list
-REQUIRABLE = {code: shape.value for code, shape in SHAPE_OF_NUMBER.items() if shape in SHAPES}
+REQUIRABLE = {code: name for code, name in NAME_OF_NUMBER.items() if name in SHAPES}
 LONGEST = 3600.0  #: longest timeout of a goal [s]. A longer timeout is probably a mistake, and is refused.
 NANOSECONDS = 10**9
 
@@ -172,7 +170,7 @@ def _add_line(message: Grasp, line: Line | None) -> None:
 def _add_object(message: Grasp, held: HeldObject) -> None:
     for name, value in held._asdict().items():
         setattr(message, name, value)
-    message.shape = NUMBER_OF_NAME.get(held.class_name, ContactShape.OTHER)
+    message.shape = number_of(held.class_name)
     message.confidence = single(held.confidence)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from tactile_node.contact.pattern import MOST_LABELS
 from tactile_node.ros.motion_messages import check_motion
-from tactile_node.ros.shape_messages import SHAPE_OF_NUMBER
+from tactile_node.ros.shape_messages import NAME_OF_NUMBER
 from tactile_node.shape.recognition import UnknownReason
 from tactile_node.skin.taxel_array import RejectReason as RejectReason
 from tactile_node.skin.taxel_array import (
@@ -36,8 +36,7 @@ from tactile_skin.msg import Contact, ContactShape, Grasp, GraspSides
 
 MAX_CLASSES = 1000  #: maximum number of classes in one message, far more than this package defines
 PROBABILITY_TOLERANCE = 1e-3  #: rounding tolerance for probabilities, which are float32
-NAME_OF_NUMBER = {number: shape.value for number, shape in SHAPE_OF_NUMBER.items()}
-SHAPE_NUMBERS_KNOWN = frozenset((*SHAPE_OF_NUMBER, ContactShape.OTHER))
+SHAPE_NUMBERS_KNOWN = frozenset((*NAME_OF_NUMBER, ContactShape.OTHER))
 UNKNOWN_REASONS = frozenset(UnknownReason) - {UnknownReason.NOT_KNOWN}
 
 Message = TypeVar('Message')

@@ -1,7 +1,6 @@
 """QoS profiles of this package's topics, which are reliable so that RViz and any other subscriber can read them.
 """
 
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 REPLAY_DEPTH = 5000  #: number of messages that a lossless replay keeps, including for late subscribers
@@ -31,9 +30,4 @@ def frames_qos(depth: int, lossless: bool = False, best_effort: bool = False) ->
                           durability=DurabilityPolicy.TRANSIENT_LOCAL)
     return QoSProfile(reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
                       depth=depth)
-
-
-def is_wanted(publisher: Publisher, lossless: bool) -> bool:
-    """Return True if ``publisher`` has a subscriber, or if it is lossless and therefore serves late subscribers."""
-    return lossless or publisher.get_subscription_count() > 0
 

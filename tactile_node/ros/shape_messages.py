@@ -14,19 +14,19 @@ from tactile_node.pose.pipeline import FoundContact, StreamedContact
 from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
 from tactile_node.ros.motion_messages import motion_message
 from tactile_node.ros.time_messages import duration_message, seconds
-from tactile_node.shape.recognition import Shape, ShapeClass, TaughtShape
+from tactile_node.shape.recognition import Shape
 from tactile_skin.msg import ContactShape, ContactShapes
 
-#: shape -> its code in ContactShape.msg
-SHAPE_NUMBERS: dict[Shape, int] = {shape: getattr(ContactShape, shape.name) for shape in Shape}
-SHAPE_OF_NUMBER = {number: shape for shape, number in SHAPE_NUMBERS.items()}
+#: code in ContactShape.msg -> name of the shape; the names of taught shapes have the code OTHER
+NAME_OF_NUMBER: dict[int, str] = {getattr(ContactShape, shape.name): shape.value for shape in Shape}
+NUMBER_OF_NAME = {name: number for number, name in NAME_OF_NUMBER.items()}
 MOST_SHAPES = 4  #: maximum number of shapes in a ContactShapes message
 SOLIDS = {'box': SolidPrimitive.BOX, 'cylinder': SolidPrimitive.CYLINDER}
 
 
-def number_of(shape: ShapeClass) -> int:
+def number_of(class_name: str) -> int:
     """Return the code of a shape in ContactShape.msg, which is OTHER for a taught shape."""
-    return int(ContactShape.OTHER) if isinstance(shape, TaughtShape) else int(SHAPE_NUMBERS[shape])
+    return NUMBER_OF_NAME.get(class_name, ContactShape.OTHER)
 
 
 class PadShape:
@@ -84,11 +84,11 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
     fused, alone, pattern = result.fused.recognition, result.recognition, result.contact
     seen = result.found.visibility
     message = ContactShape(
-        header=frame.header, sequence=frame.sequence, shape=number_of(fused.shape), class_name=fused.shape.value,
+        header=frame.header, sequence=frame.sequence, shape=number_of(fused.shape.value), class_name=fused.shape.value,
         unknown_reason=fused.reason,
         confidence=single(fused.confidence), class_names=[shape.value for shape in fused.probabilities],
         probabilities=list(fused.probabilities.values()),
-        frame_shape=number_of(alone.shape), frame_class_name=alone.shape.value,
+        frame_shape=number_of(alone.shape.value), frame_class_name=alone.shape.value,
         frame_probabilities=[alone.probabilities.get(shape, 0.0) for shape in fused.probabilities],
         held=duration_message(result.fused.held),
         fused_frames=result.fused.frames, method=method, pad_seen=seen.pad_seen,

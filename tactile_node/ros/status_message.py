@@ -6,7 +6,6 @@ from enum import IntEnum
 from types import MappingProxyType
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import State
 from std_msgs.msg import Header
 
@@ -16,14 +15,13 @@ from tactile_node.cia301.objects import NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
 from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
-from tactile_node.ros.diagnostics import Finding
+from tactile_node.ros.diagnostics import Finding, worst_level
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 
 #: NMT state -> its number in NodeStatus.msg; None is the state of a node that was never heard from
 NMT_NUMBERS: Mapping[int | None, int] = {None: NodeStatus.NMT_NOT_KNOWN, NmtState.BOOT_UP: NodeStatus.NMT_BOOT_UP,
                NmtState.STOPPED: NodeStatus.NMT_STOPPED, NmtState.OPERATIONAL: NodeStatus.NMT_OPERATIONAL,
                NmtState.PRE_OPERATIONAL: NodeStatus.NMT_PRE_OPERATIONAL}
-SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
 class PrimaryState(IntEnum):
@@ -53,8 +51,7 @@ def status_message(findings: Sequence[Finding], facts: BusFacts,
         Lifecycle state of the driver.
     """
     bus, *pads = findings
-    worst = max((finding.level for finding in findings), key=SEVERITY.index)
-    return _filled(SkinStatus, facts, header=Header(), level=_level(worst), message=bus.message,
+    return _filled(SkinStatus, facts, header=Header(), level=_level(worst_level(findings)), message=bus.message,
                    lifecycle_state=lifecycle,
                    pads=[_pad(finding, pad, conditions.get(pad.pad)) for finding, pad in zip(pads, facts.pads)])
 

@@ -19,7 +19,7 @@ UNIT = re.compile(r'\s*\[([^\]]*)\]')
 DECLARED = re.compile(r'(?P<type>[\w/<=]+(?:\[[^\]]*\])?)\s+(?P<name>\w+)(?:\s*=\s*(?P<value>\S+)|\s+\S+)?$')
 
 
-class Line(NamedTuple):
+class InterfaceLine(NamedTuple):
     """A field or a constant of an interface, with its comment. Only a constant has a ``value``."""
 
     type: str
@@ -59,7 +59,7 @@ def page_part(path: Path) -> str:
     return '\n\n'.join(parts)
 
 
-def _table(blocks: list[str | list[Line]]) -> str:
+def _table(blocks: list[str | list[InterfaceLine]]) -> str:
     """Return the table of an interface. A comment paragraph between fields becomes a row without a name."""
     rows = []
     for block in blocks:
@@ -67,7 +67,7 @@ def _table(blocks: list[str | list[Line]]) -> str:
     return md.table(('type', 'name', 'unit', 'meaning'), rows)
 
 
-def _row(line: Line) -> tuple[str, str, str, str]:
+def _row(line: InterfaceLine) -> tuple[str, str, str, str]:
     name = line.name if line.value is None else f'{line.name} = {line.value}'
     return (_linked(line.type), md.code(name), ', '.join(UNIT.findall(line.comment)),
             md.prose(UNIT.sub('', line.comment).lstrip(' ,;:')))
@@ -79,9 +79,9 @@ def _linked(kind: str) -> str:
     return f'[{md.code(kind)}](#{name.lower()})' if (ROOT / f'msg/{name}.msg').is_file() else md.code(kind)
 
 
-def _blocks(text: str) -> list[str | list[Line]]:
+def _blocks(text: str) -> list[str | list[InterfaceLine]]:
     """Return comment paragraphs (str) and groups of adjacent fields and constants (list), in the order of the file."""
-    found: list[tuple[object, str | Line]] = []
+    found: list[tuple[object, str | InterfaceLine]] = []
     paragraph, before = 0, ''
     for raw in text.splitlines():
         declared, _, comment = raw.partition('#')
@@ -90,15 +90,16 @@ def _blocks(text: str) -> list[str | list[Line]]:
             match = DECLARED.match(declared.strip())
             if match is None:
                 raise ValueError(f'{raw!r} is neither a field nor a constant')
-            found.append((Line, Line(match['type'], match['name'], match['value'], comment)))
-        elif declared and comment and found and isinstance(found[-1][1], Line):  # This line continues the comment.
+            found.append((InterfaceLine, InterfaceLine(match['type'], match['name'], match['value'], comment)))
+        elif declared and comment and found and isinstance(found[-1][1], InterfaceLine):
+            # This line continues the comment.
             line = found[-1][1]
-            found[-1] = (Line, line._replace(comment=f'{line.comment} {comment}'))
+            found[-1] = (InterfaceLine, line._replace(comment=f'{line.comment} {comment}'))
         elif comment:
             paragraph += not before.startswith('#')
             found.append((paragraph, comment))
         else:
             paragraph += 1
         before = raw
-    return [[line for _, line in group] if key is Line else ' '.join(line for _, line in group)
+    return [[line for _, line in group] if key is InterfaceLine else ' '.join(line for _, line in group)
             for key, group in groupby(found, key=lambda pair: pair[0])]
