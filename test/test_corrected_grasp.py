@@ -18,6 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from tactile_node.grasp.gripper import PadPose, Transform
 
+pytestmark = pytest.mark.ros
+
 ROOT = Path(__file__).resolve().parents[1]
 PARAMETERS = 'examples/simulated_gripper/parameters.yaml'
 MODULE = sys.executable, '-m'
@@ -76,7 +78,6 @@ def running(*command: str, **options):
 
 @pytest.mark.long
 @pytest.mark.bus
-@pytest.mark.ros
 @pytest.mark.skipif(find_spec('mujoco') is None,
                     reason='MuJoCo is not installed: pip install -r requirements/bench_physics.txt')
 def test_the_item_beside_the_aim_is_held_centred(control_msgs, tf_message, tmp_path):
