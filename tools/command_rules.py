@@ -43,6 +43,7 @@ RULES = (
     Rule(r'pre-commit install', Kind.NETWORK, 'only writes a git hook'),
     Rule(r'^make (setup|demo|docs|test|check|lint|commands)\b', Kind.MINUTES, '.ci/run runs make test'),
     Rule(r'^make [\w-]+', Kind.MINUTES, 'by hand, before a release'),
+    Rule(r'^python test/misled_catalogue.py', Kind.MINUTES, 'make misled'),
     Rule(r'^python bench/', Kind.MINUTES, 'make bench'),
     Rule(r'^python -m training', Kind.MINUTES, 'make train'),
     Rule(r'^python examples/shape_listener.py', Kind.TESTED, 'test/test_tutorial.py'),
