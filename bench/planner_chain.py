@@ -17,6 +17,7 @@ from tactile_skin.msg import ContactShape, Grasp
 PITCH, UNIT = 0.002, 'Pa'
 DELAY = 0.02   #: Time from the acquisition of a frame to its grasp [s].
 EPOCH = 1.7e9  #: [s]
+GRIPPER = Gripper(PadPose(), PadPose((0.0, 0.03, 0.0), (np.pi, 0.0, 0.0)))
 
 
 class _Pad:
@@ -36,11 +37,11 @@ class _Pad:
 class PlannerChain:
     """Turns the frames of both pads into grasp messages. All times come from one steady clock [s]."""
 
-    def __init__(self, finger_ends: SkinSide = NO_SIDE) -> None:
+    def __init__(self, finger_ends: SkinSide = NO_SIDE, gripper: Gripper = GRIPPER) -> None:
         recogniser = make_recogniser('learned', '')
         taxels = Taxels(PITCH, UNIT, finger_ends=finger_ends)
         self._pads = {side: _Pad(side, taxels, recogniser) for side in SIDES}
-        self._gripper = Gripper(PadPose(), PadPose((0.0, 0.03, 0.0), (np.pi, 0.0, 0.0)))
+        self._gripper = gripper
         self._tracker = GraspTracker(GraspSettings(self._gripper))
         self._latest = {side: ContactShape() for side in SIDES}
         self._times = dict.fromkeys(SIDES, -np.inf)

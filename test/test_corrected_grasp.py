@@ -1,5 +1,4 @@
-"""The example that corrects the hand: the conversion of a correction to a pose, and one run with the simulated gripper.
-"""
+"""Tests of the example that corrects the hand: the conversion to a pose, and grasps in lockstep and in real time."""
 
 import subprocess
 import sys
@@ -13,18 +12,31 @@ import planner_client
 import pytest
 from built_messages import environment_with
 from can_bench import TooSlowError
+from grasp_loop import GraspLoop, Order
+from planner_chain import Chain
 from planner_client import Correction
+from planner_world import AIM, noisy
 from scipy.spatial.transform import Rotation
 
-from tactile_node.grasp.gripper import PadPose, Transform
+from examples.simulated_gripper.drive import Command
+from examples.simulated_gripper.hand_interface import frames
+from examples.simulated_gripper.items import ITEMS, PAD_HEIGHT
+from examples.simulated_gripper.model import MAX_GAP
+from examples.simulated_gripper.world import SIDES, Outcome, World, random_place
+from tactile_node.grasp.gripper import Gripper, PadPose, Transform
+
+pytestmark = pytest.mark.ros
 
 ROOT = Path(__file__).resolve().parents[1]
 PARAMETERS = 'examples/simulated_gripper/parameters.yaml'
 MODULE = sys.executable, '-m'
 TIMEOUT = 300.0  # Longest time for the whole run [s].
 LEFT = PadPose(xyz=(-0.015, 0.0, 0.015), rpy=(-np.pi / 2, 0.0, 0.0))  # The left pad of the simulated gripper.
+GRIPPER = Gripper(LEFT, PadPose(xyz=(-0.015, 0.0, -0.015), rpy=(np.pi / 2, 0.0, 0.0)))
 HAND = Transform(Rotation.from_euler('z', 0.4).as_matrix(), np.array((0.01, 0.02, 0.05)))
 MIDPOINT = np.array((0.004, 0.0, 0.002))
+physics = pytest.mark.skipif(find_spec('mujoco') is None,
+                             reason='MuJoCo is not installed: pip install -r requirements/bench_physics.txt')
 
 
 @pytest.fixture
@@ -64,6 +76,49 @@ def test_an_unknown_midpoint_leaves_the_place_of_the_hand(corrected):
     assert found.translation == pytest.approx(HAND.translation)
 
 
+def in_lockstep(corrected, item, seed):
+    """Grasp, correct and lift an item at a random place on the clock of the physics, and return the world.
+
+    The pads send 20 frames per second while the gripper is closed. The loop is that of the example.
+    """
+    world, random = World(ITEMS[item], random_place(seed)), np.random.default_rng(seed)
+    chain, loop = Chain(gripper=GRIPPER), GraspLoop()
+    order = Order('move')
+    while order.kind == 'move':
+        world.command(Command(0.0, effort=2.0))
+        world.step(2.0)
+        loop.closed(world.now)
+        order = Order('wait')
+        while order.kind == 'wait':
+            world.step(0.05)
+            grasp = chain.grasp({side: noisy(world.pressures(side), random) for side in SIDES}, world.gap, world.now)
+            order = loop.next(planner_client.asked_for(grasp, AIM, LEFT.rotation), world.now)
+        world.command(Command(MAX_GAP) if order.kind == 'move' else Command(0.0, effort=5.0))
+        world.step(1.5)
+        if order.kind == 'move':
+            midpoint = np.array((grasp.midpoint.x, grasp.midpoint.y, grasp.midpoint.z))
+            pose = corrected(frames(world)[0].pose, LEFT.rotation, midpoint, order.correction)
+            world.move(x=pose.translation[0], y=pose.translation[1], lift=pose.translation[2] - PAD_HEIGHT,
+                       yaw=float(np.arctan2(*pose.rotation[1::-1, 0])))
+            world.step(1.0)
+    assert order.kind == 'done', (order, grasp)
+    world.move(lift=0.08)
+    world.step(2.5)
+    return world
+
+
+@physics
+@pytest.mark.slow
+@pytest.mark.parametrize(('item', 'seed'), [
+    ('square', 1), *(pytest.param(item, seed, marks=pytest.mark.long)
+                     for item in ('square', 'circle', 'rectangle', 'isosceles_triangle') for seed in range(2, 6))])
+def test_the_corrections_centre_an_item_beside_the_aim(corrected, item, seed):
+    world = in_lockstep(corrected, item, seed)
+    off = world.off_hand()
+    assert world.outcome is Outcome.HELD and abs(off.x) < planner_client.MAX_OFFSET, off
+    assert item == 'circle' or abs(off.yaw) < planner_client.MAX_MISALIGNMENT, off
+
+
 @contextmanager
 def running(*command: str, **options):
     process = subprocess.Popen(command, cwd=ROOT, **options)
@@ -76,9 +131,7 @@ def running(*command: str, **options):
 
 @pytest.mark.long
 @pytest.mark.bus
-@pytest.mark.ros
-@pytest.mark.skipif(find_spec('mujoco') is None,
-                    reason='MuJoCo is not installed: pip install -r requirements/bench_physics.txt')
+@physics
 def test_the_item_beside_the_aim_is_held_centred(control_msgs, tf_message, tmp_path):
     """The simulation itself reports the true place of the item. At the start, the item is 5.4 mm off and turned."""
     environment = environment_with('control_msgs')

@@ -12,10 +12,10 @@ from tactile_node.assembly.facts import PadFacts
 from tactile_node.assembly.health import NodeFault, TpdoOrder
 from tactile_node.bus.bus_devices import read_errors
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.device_setup import DeviceAsSet, DeviceSetup
+from tactile_node.bus.device_setup import ABSENT_REMEDY, ALIVE_REMEDY, DeviceAsSet, DeviceSetup
 from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.heartbeat import Heartbeats
-from tactile_node.errors import DeviceError, InterruptedSetupError, UnverifiedDeviceError
+from tactile_node.errors import DeviceAbsentError, DeviceError, InterruptedSetupError, UnverifiedDeviceError
 from tactile_node.skin.pads import make_pad
 from tactile_node.sources.bus_watch import BusCounts
 from tactile_node.sources.node_monitor import NodeMonitor
@@ -70,6 +70,21 @@ class Device:
 def set_up(device: Device, is_interrupted=lambda: False):
     device.objects[0x1018, 2] = NODE.dictionary[0x1018][2].default
     return DeviceSetup(device, NODE, Heartbeats(), 0, is_interrupted).run(1.0, 100)
+
+
+@pytest.mark.parametrize('beats', [True, False])
+def test_a_device_that_only_sends_heartbeats_is_not_blamed_on_the_wiring(beats):
+    heartbeats, device = Heartbeats(), Device()
+    heartbeats.feed(0x720, b'\x05')  # An earlier heartbeat does not show that the wiring still works.
+
+    def upload(index, sub):
+        if beats:
+            heartbeats.feed(0x720, b'\x05')
+        raise SdoCommunicationError('No SDO response received')
+    device.upload = upload
+    with pytest.raises(DeviceAbsentError) as error:
+        DeviceSetup(device, NODE, heartbeats, 0).run(0.0, 100)
+    assert error.value.remedy == (ALIVE_REMEDY if beats else ABSENT_REMEDY)
 
 
 def of_another_layout(**options) -> Device:

@@ -51,6 +51,7 @@ RULES = (
     Rule(r'^python3? examples/planner_client.py', CommandKind.TESTED, 'test/test_planner_client.py'),
     Rule(r'^python examples/lerobot_dataset.py', CommandKind.NETWORK, 'LeRobot; by hand'),
     Rule(r'^(python examples/rerun_bag.py|rerun)\b', CommandKind.NETWORK, 'Rerun; by hand'),
+    Rule(r'^python test/misled_catalogue.py', CommandKind.MINUTES, 'make misled'),
     Rule(r'^python -m examples.simulated_gripper', CommandKind.MINUTES, 'by hand, because it needs MuJoCo'),
     Rule(r'^python -m tactile_node.gripper.gripper_node', CommandKind.TESTED, 'test/test_gripper_duplicates.py'),
     Rule(r'^tactile calibrate', CommandKind.TESTED, 'test/test_calibration.py'),

@@ -37,6 +37,7 @@ ARRIVED = 0.0005       #: distance from the target at which the hand has arrived
 TURNED = 0.005         #: angle from the target at which the hand has arrived [rad]
 STABLE_TIMEOUT = 5.0   #: time allowed after the lift until the grasp is stable [s]
 TRIES = 4              #: largest number of attempts to close, each with an open gripper
+SEEN_TIMEOUT = 20.0    #: time allowed until both pads are seen again [s]
 #: Outcomes after which the gripper opens and closes again, because data of the pads were missing for a while.
 UNSEEN = GripperOutcome.NOT_SEEN, GripperOutcome.FORCE_NOT_KNOWN, GripperOutcome.LOST
 
@@ -88,13 +89,14 @@ class CorrectedGrasp(FirstGrasp):
         return self._frames.find(HAND, TABLE).transform
 
     def close(self, force: float) -> GripperOutcome:
-        """Close until the pads read a force [N], and return the outcome."""
+        """Close until the pads read a force [N], and return the outcome. After missing data, open and try again."""
         outcome = self.command(0.0, force)
         for _ in range(TRIES - 1):
             if outcome.outcome not in UNSEEN:
                 break
             print(f'close again: {outcome.message}', flush=True)
             self.command(OPENED, 0.0)
+            self.spin(SEEN_TIMEOUT, lambda: self.grasp.fresh and self.grasp.contact == Grasp.NO_CONTACT)
             outcome = self.command(0.0, force)
         return outcome
 

@@ -26,6 +26,12 @@ logger = logging.getLogger(__name__)
 SENDING_TIMES = {objects.TRANSMISSION_TYPE: (1, 'transmission type'), objects.INHIBIT_TIME: (2, 'inhibit time'),
                  objects.EVENT_TIMER: (2, 'event timer')}
 
+#: Remedies for a device that does not answer by SDO, with and without a heartbeat during the wait.
+ALIVE_REMEDY = ('Its heartbeat arrives, so power and wiring work. Reduce the load of this machine, which may be '
+                'too slow for the answer, end other programs that send SDO requests to the device, or restart the '
+                'device.')
+ABSENT_REMEDY = 'Check power, wiring, termination, bit rate and node-ID. `tactile scan` lists the nodes of a bus.'
+
 Answer = TypeVar('Answer')
 MappingEntries = list[int] | None  # entries of a mapping record; None for an MPDO with source addressing
 
@@ -133,10 +139,10 @@ class DeviceSetup:
                 return
             except SdoCommunicationError:
                 now = time.monotonic()
+            heard = self._heartbeats.of(self._node.node_id).heard
+            is_alive = heard is not None and heard >= begun
             absent = DeviceAbsentError(self._label, expected=f'an answer by SDO within {timeout:g} s',
-                                       got=self._silence(),
-                                       remedy='Check power, wiring, termination, bit rate and node-ID. `tactile scan` '
-                                       'lists the nodes of a bus.')
+                                       got=self._silence(), remedy=ALIVE_REMEDY if is_alive else ABSENT_REMEDY)
             if now - begun >= timeout:
                 raise absent
             if throttle.is_due(self._label, now):
