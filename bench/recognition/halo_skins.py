@@ -52,7 +52,7 @@ class HaloSkin:
         self._rng, self._beside = rng, beside
         self.shape = PADS[rng.integers(len(PADS))]
         self._blur = rng.uniform(*BLUR)
-        self._spread = _spread(rng.uniform(*REACH))
+        self._spread = halo_of_taxel(rng.uniform(*REACH))
         self.gains = np.exp(GAINS * rng.standard_normal(self.shape))
         self.rest = rng.uniform(*REST) * np.maximum(1 + REST_SPREAD * rng.standard_normal(self.shape), 0)
 
@@ -92,7 +92,7 @@ class HaloSkin:
         return np.clip(self.gains * felt + self.rest + noise, 0, 1)
 
 
-def _spread(reach: float) -> np.ndarray:
+def halo_of_taxel(reach: float) -> np.ndarray:
     """Return the halo of one taxel. The halo falls like the stress in a thick elastic layer."""
     most = int(np.ceil(4 * reach))
     y, x = np.mgrid[-most:most + 1, -most:most + 1]

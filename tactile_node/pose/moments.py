@@ -38,7 +38,8 @@ class ContactMoments(NamedTuple):
     The standard deviations follow from the noise of the taxels and are NaN if the noise is unknown.
     """
 
-    force: float  #: sum of the forces on all taxels of the contact [N]; NaN for an on/off skin
+    #: sum of the forces on the taxels of the contact and of its ring [N]; NaN for an on/off skin
+    force: float
     centre_of_pressure: tuple[float, float]  #: [m]
     area: float  #: number of taxels of the contact, including invalid ones, times pitch² [m²]
     principal_axis: float  #: direction of the contact's longer axis, positive from x to y, in (-π/2, π/2] [rad]
@@ -65,9 +66,13 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
                     visibility: Visibility | None = None, noise: float | np.ndarray = np.nan) -> ContactMoments:
     """Return the moments of a contact.
 
+    The force also counts the ring, that is, the taxels next to the contact. The outline of a contact lies where the
+    taxels read half as much as inside the contact, so the ring carries a part of the load. All other moments describe
+    only the taxels of the contact.
+
     An invalid taxel (NaN) of the contact counts as the mean of its valid neighbours in the contact. An invalid taxel
     without valid neighbours counts as the mean of the whole contact. A dead taxel therefore neither lowers the force
-    nor shifts the centre of pressure. Negative values count as 0.
+    nor shifts the centre of pressure. An invalid taxel of the ring counts as 0. Negative values count as 0.
 
     Parameters
     ----------
@@ -115,14 +120,17 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     total = of_contact.sum()
     share = of_contact / total if total > 0 else np.full(len(rows), np.nan)
     centre = (float(share @ cols), float(share @ rows))
-    near, deviation = _deviations(values, mask, of_contact, noise=np.asarray(noise, float))
+    near = grown(mask)  # the contact with its ring
+    y, x = np.nonzero(near)
+    force_sd, deviation = _deviations(values, mask, near, of_contact, noise=np.asarray(noise, float))
     of_unit, is_bound = _newtons(unit, pitch), visibility.is_part
     return ContactMoments(
-        force=float(total * of_unit), centre_of_pressure=(centre[0] * pitch, centre[1] * pitch),
+        force=float((total + _sum_of(values, near & ~mask)) * of_unit),
+        centre_of_pressure=(centre[0] * pitch, centre[1] * pitch),
         area=len(rows) * pitch**2, principal_axis=_principal_axis(cols, rows), filled=filled,
-        force_sd=float(np.sqrt(deviation @ deviation) * of_unit),
-        centre_of_pressure_sd=(_centre_sd(deviation, near[1] - centre[0], total) * pitch,
-                               _centre_sd(deviation, near[0] - centre[1], total) * pitch),
+        force_sd=force_sd * of_unit,
+        centre_of_pressure_sd=(_centre_sd(deviation, x - centre[0], total) * pitch,
+                               _centre_sd(deviation, y - centre[1], total) * pitch),
         force_is_bound=is_bound, centre_of_pressure_is_bound=is_bound,
         size_is_bound=is_bound or visibility.at_edge,
         slope=(np.nan, np.nan) if is_bound else _slope(np.where(mask, values, np.nan), of_unit / pitch**3))
@@ -165,7 +173,7 @@ def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, un
     if not np.count_nonzero(others):
         return PadForce(contact.force, is_bound)
     seen = visibility_of(pattern._replace(mask=others), 1, finger_ends)
-    total = float(np.nansum(np.maximum(pattern.values[others], 0)))
+    total = _sum_of(pattern.values, grown(others) & ~grown(pattern.mask))
     return PadForce(contact.force + total * _newtons(unit, pitch),
                     is_bound or seen.is_part or pattern.contacts > MOST_LABELS)
 
@@ -173,6 +181,11 @@ def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, un
 def _newtons(unit: str, pitch: float) -> float:
     """Return the force on a taxel that reads 1 [N]."""
     return {'Pa': pitch**2, 'N': 1.0, '1': np.nan}[unit]
+
+
+def _sum_of(values: np.ndarray, taxels: np.ndarray) -> float:
+    """Return the sum of the values of some ``taxels``, in which invalid and negative values count as 0."""
+    return float(np.nansum(np.maximum(values[taxels], 0)))
 
 
 def _without_contact(unit: str, pad_seen: bool) -> ContactMoments:
@@ -200,20 +213,20 @@ def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
     return of_contact, int(invalid.sum())
 
 
-def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
-                noise: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Return the taxels of a contact and its ring, and the standard deviation of each taxel's contribution.
+def _deviations(values: np.ndarray, mask: np.ndarray, near: np.ndarray, of_contact: np.ndarray, *,
+                noise: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the standard deviation of the sum over a contact and its ring, and of each taxel's part in the contact.
 
-    The ring contains the neighbours of the contact. One part of the standard deviation is the noise of the taxel's
-    value. The other part arises because a taxel near its threshold may belong to the contact in one frame and not in
-    the next. The thresholds are estimated from the lowest reading in the contact and the highest reading in the ring.
-    Because of hysteresis, a taxel leaves the contact at or below the smaller of these two readings, and a taxel of the
-    ring enters the contact at or above the larger one.
+    ``near`` marks the taxels of the contact and of its ring. One part of a standard deviation is the noise of the
+    values. The other part arises because a taxel near its threshold may belong to the contact in one frame and not in
+    the next. The sum counts such a taxel in both frames, so this part does not concern the sum. The thresholds are
+    estimated from the lowest reading in the contact and the highest reading in the ring. Because of hysteresis, a taxel
+    leaves the contact at or below the smaller of these two readings, and a taxel of the ring enters the contact at or
+    above the larger one.
 
     A filled taxel is given the variance of the contact's values. An invalid taxel in the ring is assumed to be pressed
     or not pressed with equal probability.
     """
-    near = np.nonzero(grown(mask))
     inside, read, own = mask[near], values[near], noise[near] if noise.ndim else noise
     known = np.isfinite(read)
     level = np.where(known, np.maximum(read, 0), 0.0)
@@ -221,11 +234,10 @@ def _deviations(values: np.ndarray, mask: np.ndarray, of_contact: np.ndarray, *,
     margin = np.where(inside, level - min(ends), max(ends) - level)
     with np.errstate(divide='ignore', invalid='ignore'):
         other = ndtr(-margin / own)  # probability that the taxel is on the other side of its threshold
-    variance = np.where(inside, own**2, 0.0) + np.where(own > 0, other * (1 - other) * level**2, own)
-    if np.count_nonzero(known) < known.size:
-        variance[inside & ~known] += of_contact.var()
-        variance[~(inside | known)] += of_contact.mean()**2 / 4  # the taxel may belong to the contact
-    return near, np.sqrt(variance)
+    variance = np.where(known, 0.0, np.where(inside, of_contact.var(), of_contact.mean()**2 / 4))
+    of_sum = float(np.sqrt((variance + own**2).sum()))
+    variance += np.where(inside, own**2, 0.0) + np.where(own > 0, other * (1 - other) * level**2, own)
+    return of_sum, np.sqrt(variance)
 
 
 def _centre_sd(deviation: np.ndarray, offset: np.ndarray, total: float) -> float:
