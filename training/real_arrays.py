@@ -134,7 +134,7 @@ def random_touch(rng: np.random.Generator, unlike: Forms | None) -> Touch | None
     most = min(MOST, OF_PAD * rows * cols)
     area = float(np.exp(rng.uniform(np.log(LEAST[label]), np.log(most))))
     margin = int(np.ceil(1.2 * np.sqrt(area))) + 2
-    y, x = np.mgrid[-margin * FINER:(rows + margin) * FINER, -margin * FINER:(cols + margin) * FINER]
+    y, x = np.ogrid[-margin * FINER:(rows + margin) * FINER, -margin * FINER:(cols + margin) * FINER]
     y, x = (y + 0.5) / FINER - 0.5, (x + 0.5) / FINER - 0.5
     angle = rng.choice((0.0, np.pi / 2)) + rng.normal(0, 0.08) if rng.random() < 0.4 else rng.uniform(0, 2 * np.pi)
     inset = min(0.5 * np.sqrt(area), 0.35 * min(rows, cols)) * (rng.random() < 0.6)

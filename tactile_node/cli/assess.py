@@ -31,9 +31,11 @@ from tactile_node.learning.assess import (
     LEAST_TOUCHES,
     Answers,
     Assessment,
+    Gain,
     LabelledTouch,
     assess,
     reliability_picture,
+    with_and_without_gains,
 )
 from tactile_node.learning.skin_measures import measure_skin
 from tactile_node.learning.teach import Rate
@@ -88,7 +90,10 @@ def run(args: argparse.Namespace) -> int:
     _check(frames)
     found = assess(recogniser, [LabelledTouch(label, frame.pattern) for label, frame in touches])
     print('\n'.join(_report(found)))
-    print(f'This skin: {measure_skin(frames)}.')
+    measures = measure_skin(frames)
+    print(f'This skin: {measures}.')
+    if measures.gains > 0:
+        _advise(*with_and_without_gains(recogniser, [label for label, _ in touches], frames))
     if args.picture:
         write_figure(args.picture, reliability_picture(found))
     if not args.output:
@@ -136,6 +141,15 @@ def _report(found: Assessment) -> Iterator[str]:
     kept = (f'kept, with temperature {found.adaptation.temperature:.2f}' if found.adaptation
             else 'not kept, because the gain is too small or too uncertain')
     yield f'The adaptation improves the Brier score by {found.gain}: {kept}.'
+
+
+def _advise(as_it_is: Answers, even: Answers) -> None:
+    """Print that the gains should be measured, if uneven gains clearly explain a part of the errors."""
+    gain = Gain.of(as_it_is, even)
+    if gain.is_worth_it and gain.interval[0] > 0:
+        print(f'Uneven gains cause errors: with the gains that the other touches show, {even.counts().right} touches '
+              f'are right instead of {as_it_is.counts().right}. Measure the gain of each taxel, and give the gains to '
+              'the driver (gain_files, docs/taxel_faults.md).')
 
 
 def _table(answers: Answers) -> Iterator[str]:

@@ -232,6 +232,8 @@ class NoiseFloor:
     def __init__(self, highest: float = np.inf):
         self._highest = highest
         self.of_frame = UNKNOWN_REST  #: level and deviation at rest, from the latest frame alone
+        #: False if the resting taxels of the latest frame read more than a level at rest can rise from frame to frame
+        self.is_followed = True
         self._last = Resting(0.0, 0.0)
         self._is_first = True
         self._quiet = np.inf  # noise of the pad when the present touch began; infinite if there is no touch
@@ -302,7 +304,8 @@ class NoiseFloor:
         if not self._is_first:
             limit = min(limit, level + max(TAKEN_SPREADS * deviation, COVERED_SCATTER * found.deviation))
         # An object covers the whole pad or nearly all of it, or it presses a skin that cuts off its lowest readings.
-        if not found.is_known or found.level > limit:
+        self.is_followed = not found.level > limit
+        if not found.is_known or not self.is_followed:
             return self._last
         rise = np.inf if self._is_first else FOLLOWED_RISE * found.deviation
         self._is_first = False

@@ -13,7 +13,7 @@ from tactile_node.contact.left_over import LeftOver
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown, pad_seen
 from tactile_node.contact.noise_floor import NoiseFloor
 from tactile_node.contact.press import PressThresholds, are_on_off
-from tactile_node.contact.standing_out import NOISE_SPREADS, Threshold, standing_out
+from tactile_node.contact.standing_out import HALO_SHARE, NOISE_SPREADS, Threshold, standing_out
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO, read_only
 
@@ -229,8 +229,11 @@ class PatternExtractor:
             least = LEAST_COUNTS if self._is_free and _are_counts(values[valid]) else self._least
             own = self._floor.of_frame
             highest = own.level + NOISE_SPREADS * own.deviation if own.is_known else -np.inf
+            threshold = Threshold(level, noise, least, highest)
+            if self._is_free and not self._floor.is_followed and _is_beside(own.level - level, values[valid] - level):
+                threshold = threshold._replace(level=own.level, noise=np.maximum(noise, own.deviation))
             before = self._before(values.shape)
-            pressed, halo = standing_out(values, valid, Threshold(level, noise, least, highest), before)
+            pressed, halo = standing_out(values, valid, threshold, before)
             self._pressed = pressed | before & ~valid
         self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(pressed.any()))
         return _Found(pressed, noise if np.count_nonzero(noise) else unknown, level if self._is_free else 0.0, halo)
@@ -280,6 +283,11 @@ def are_alike(values: np.ndarray) -> bool:
     """Return True if neighbouring taxels have similar readings, as they do under a contact but not in noise."""
     pairs = np.hstack([(values[:, :-1].ravel(), values[:, 1:].ravel()), (values[:-1].ravel(), values[1:].ravel())])
     return _correlation(*pairs) > ALIKE_CORRELATION
+
+
+def _is_beside(rise: float, rises: np.ndarray) -> bool:
+    """Return True if a ``rise`` of the resting taxels is so small that a contact on other taxels explains it."""
+    return bool(rise <= HALO_SHARE * rises.max())
 
 
 def _correlation(one: np.ndarray, other: np.ndarray) -> float:

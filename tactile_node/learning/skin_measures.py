@@ -39,15 +39,39 @@ def measure_skin(frames: Sequence[TouchFrame]) -> SkinMeasures:
     frames : Sequence[TouchFrame]
         One frame of each touch. Frames with on/off taxels are not used.
     """
-    raised = [(frame, frame.reading - _rest(frame)) for frame in frames
-              if not are_on_off(frame.reading[np.isfinite(frame.reading)])]
+    raised = [(frame, _raised(frame)) for frame in frames if not are_on_off(frame.reading[np.isfinite(frame.reading)])]
     levels = [float(np.nanmedian(values[frame.mask])) for frame, values in raised]
     noise = [_median(frame.pattern.noise) / level for (frame, _), level in zip(raised, levels)]
     halo = [_skirt(values, frame.mask) / level for (frame, values), level in zip(raised, levels)]
-    residuals = [residual(values, frame.mask, float(np.nanmax(values))) for frame, values in raised]
+    residuals = [_residual(frame) for frame, _ in raised]
     touched_often = [of_taxel for of_taxel in by_place(residuals) if len(of_taxel) >= OFTEN]
     gains = fixed_part(touched_often)[0] if len(touched_often) >= LEAST_TAXELS else np.nan
     return SkinMeasures(_median(np.array(noise)), gains, _median(np.array(halo)))
+
+
+def with_even_gains(frames: Sequence[TouchFrame]) -> list[np.ndarray]:
+    """Return the readings of each frame above the level at rest, divided by the gains that the other frames show.
+
+    A frame does not contribute to its own gains, because its own deviations include more than the gains. The gain of a
+    taxel that is seldom touched is drawn towards 1, in proportion to the uncertainty of the gain.
+
+    Parameters
+    ----------
+    frames : Sequence[TouchFrame]
+        One frame of each touch, with pressures. `measure_skin` finds a spread of the gains above 0.
+
+    Returns
+    -------
+    list[np.ndarray]
+        Readings with even gains, (rows, cols) each.
+    """
+    residuals = np.array([_residual(frame) for frame in frames])
+    fixed, changing = fixed_part(by_place(list(residuals)))
+    known, sums = np.isfinite(residuals), np.nan_to_num(residuals)
+    others = known.sum(0) - known
+    # the posterior mean, if the log gains and the changing deviations are normally distributed
+    log_gains = (sums.sum(0) - sums) / np.maximum(others + (changing / fixed) ** 2, 1)
+    return [_raised(frame) / np.exp(of_frame) for frame, of_frame in zip(frames, log_gains)]
 
 
 def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
@@ -102,6 +126,15 @@ def by_place(residuals: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Return the valid residuals of each taxel or line over the frames."""
     stacked = np.reshape(residuals, (len(residuals), -1)).T if residuals else np.zeros((0, 0))
     return [of[np.isfinite(of)] for of in stacked]
+
+
+def _residual(frame: TouchFrame) -> np.ndarray:
+    values = _raised(frame)
+    return residual(values, frame.mask, float(np.nanmax(values)))
+
+
+def _raised(frame: TouchFrame) -> np.ndarray:
+    return frame.reading - _rest(frame)
 
 
 def _rest(frame: TouchFrame) -> float:
