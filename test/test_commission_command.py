@@ -2,6 +2,9 @@
 
 import io
 import json
+import os
+import pty
+import select
 import signal
 import threading
 import time
@@ -320,7 +323,7 @@ def test_a_person_commissions_a_simulated_gripper(tmp_path, monkeypatch, truth, 
     assert steps.keys() == {'plan', 'rest', 'pads', 'first movement', 'stops', 'foam'}
     assert steps['pads']['order'] == [truth == 'swapped', truth != 'swapped']
     assert steps['pads']['mountings'] == [[0, truth == 'mirrored'], [2, False]]
-    assert steps['rest']['serial_numbers'] == ['1', '1']
+    assert steps['rest']['serial_numbers'] == ['32', '64']
     assert steps['first movement']['opens_rising'] is True
     trials = [StopTrial(*each) for way in steps['stops']['trials'].values() for each in way]
     assert len(trials) == 9 and all(trial.is_stopped for trial in trials)
@@ -393,6 +396,19 @@ def test_another_gripper_needs_another_record(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr('sys.stdin', Typed())
     assert main(['commission', '--output', str(tmp_path), '--most-effort', '50']) == 2
     assert 'expected 40' in capsys.readouterr().err
+
+
+def test_an_answer_that_was_typed_before_the_question_is_no_consent():
+    ours, theirs = pty.openpty()
+    with open(theirs, encoding='utf-8') as answers:
+        os.write(ours, b'yes\n')
+        until(lambda: select.select([answers], [], [], 0)[0])
+        later = threading.Timer(0.3, os.write, (ours, b'no\n'))
+        later.start()
+        asked = Question(Act.CONSENT, 'Start?', ('yes', 'no'))
+        assert Terminal(answers, io.StringIO()).ask(asked) == 'no'
+        later.join()
+    os.close(ours)
 
 
 def test_the_person_types_a_choice_or_its_beginning():

@@ -15,6 +15,7 @@ from commissioning_world import GRID, CommissioningDesk, random_truth
 from launch_stand_in import processes_of, put_stand_ins
 
 from tactile_node.cli.commissioning_pictures import pictures_of
+from tactile_node.commissioning import procedure
 from tactile_node.commissioning.changes import Change, find_changes, largest_expected
 from tactile_node.commissioning.commissioned_gripper import Act, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
@@ -227,7 +228,7 @@ def test_each_series_is_consented_to_and_foam_comes_before_hard_blocks(finished)
     assert acts.index(Act.FOAM) < acts.index(Act.BLOCK)
     for question in desk.questions:
         if question.act is Act.CONSENT:
-            assert all(word in question.text for word in ('movements at', 'effort of', ' N. Start?'))
+            assert all(word in question.text for word in (' movement', ' at ', 'effort of', ' N. Start?'))
 
 
 PARTS = {
@@ -307,6 +308,46 @@ def test_nothing_moves_without_consent(tmp_path):
     assert refused.value.mistake is Mistake.NO_CONSENT
     here = desk.truth.low + (0.3 if desk.truth.closes_rising else 0.7) * desk.truth.span
     assert all(abs(position - here) < 0.01 * plan.travel for position, _, _ in desk.commands)
+
+
+@pytest.mark.slow
+def test_a_gripper_that_still_holds_an_object_opens_only_with_consent(finished, tmp_path):
+    """A person continues after a failure, with the object between the pads."""
+    desk, plan = desk_of()
+    record = without(finished[2], tmp_path, 'foam')
+    held = len(desk.commands)
+    answer = desk.ask
+    desk.ask = lambda question: 'no' if question.text.startswith('opening') else answer(question)
+    with pytest.raises(RefusedStepError) as refused:
+        CommissioningProcedure(desk, desk, plan, record).run()
+    assert refused.value.mistake is Mistake.NO_CONSENT
+    assert all(abs(position - desk.truth.low - 0.3 * desk.truth.span) < 0.01 * plan.travel
+               or abs(position - desk.truth.low - 0.7 * desk.truth.span) < 0.01 * plan.travel
+               for position, _, _ in desk.commands[held:])
+
+
+@pytest.mark.slow
+def test_a_record_is_not_continued_at_another_frame_rate(finished, tmp_path):
+    """The age of the frames depends on their rate, so the latency would be too short for the running driver."""
+    desk, plan = desk_of()
+    record = without(finished[2], tmp_path, 'step')
+    for pad in record['rest']['pads']:
+        pad['rate'] *= 3.0
+    with pytest.raises(RefusedStepError) as refused:
+        CommissioningProcedure(desk, desk, plan, record).run()
+    assert refused.value.mistake is Mistake.OTHER_RATE
+    assert not desk.commands
+
+
+@pytest.mark.slow
+def test_a_step_without_a_result_is_not_finished(finished, tmp_path, monkeypatch):
+    monkeypatch.setattr(procedure, 'STEP_COMMANDS', 8)  # too few commands for five levels
+    desk, plan = desk_of()
+    record = without(finished[2], tmp_path, 'step')
+    steps = CommissioningProcedure(desk, desk, plan, record)
+    steps.run()
+    assert 'step' not in record
+    assert steps.unfinished() == ['step'] and steps.unfinished(('step',)) == []
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ report (report.md, report.json). The exit code is 1 if a step was refused, or if
 
 import argparse
 import sys
+import termios
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -147,9 +148,10 @@ class Terminal:
             Raised if the input has ended (Ctrl-D).
         """
         is_single = len(question.choices) == 1
-        prompt = '/'.join(question.choices) if not is_single else 'Press Enter, and then do this' \
-            if question.act.is_recorded else 'Press Enter when this is done'
+        prompt = question.act.prompt if is_single else '/'.join(question.choices)
         self.say(f'\n{question.text}')
+        if self._answers.isatty():  # an answer that was typed before the question is no consent
+            termios.tcflush(self._answers, termios.TCIFLUSH)
         while True:
             print(f'  [{prompt}] ', end='', file=self._texts, flush=True)
             line = self._answers.readline()
@@ -167,13 +169,16 @@ def _commission(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPla
                 folder: Path, skip: Sequence[str]) -> int:
     """Carry out the steps, and write all files even if a step is refused or the person interrupts."""
     from tactile_node.commissioning.mistake import RefusedStepError
+    procedure = _procedure(gripper, person, plan, record)
     try:
-        _procedure(gripper, person, plan, record).run(skip)
+        procedure.run(skip)
     except RefusedStepError as error:
         print(f'tactile: error: {error}', file=sys.stderr)
         return REFUSED_CODE
     finally:
         _write_results(plan, record, folder, person)
+        if unfinished := procedure.unfinished(skip):
+            person.say(f'Not finished: {", ".join(unfinished)}. Start the same command again to carry out these steps.')
     return 0
 
 

@@ -205,7 +205,8 @@ class _TaxelLines(NamedTuple):
         found = float(np.sqrt(12 * max(variance - pitch ** 2 / 12, 0)))
         if abs(found - length) > LENGTH_ERROR:
             raise RefusedStepError(where, Mistake.OTHER_BLOCK, expected=f'a face of {1e3 * length:.1f} mm length',
-                                   got=f'{1e3 * found:.1f} mm', remedy='Insert the block that the text names.')
+                                   got=f'{1e3 * found:.1f} mm',
+                                   remedy='In the repeat, insert the block that the text names.')
 
 
 def _check_still(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray], where: str) -> None:

@@ -46,9 +46,11 @@ class Act(Enum):
     REPEAT = 'correct a mistake before a part is repeated'
 
     @property
-    def is_recorded(self) -> bool:
-        """True if the recording of the act begins with the answer, so that the person acts after the answer."""
-        return self in (Act.LEAVE, Act.PRESS, Act.STROKE)
+    def prompt(self) -> str:
+        """Words that ask for the answer. The recording of some acts begins with the answer."""
+        if self in (Act.LEAVE, Act.PRESS, Act.STROKE):
+            return 'Press Enter, and then do this'
+        return 'Press Enter to repeat this part' if self is Act.REPEAT else 'Press Enter when this is done'
 
 
 class Question(NamedTuple):

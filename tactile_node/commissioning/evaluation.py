@@ -30,7 +30,7 @@ MOST_LATENCY = 0.5      #: Largest time from a stop to standstill [s].
 MOST_CHORD_ERROR = 2e-4  #: Largest error of a linear law that stands for a knuckle [m].
 LEAST_FORCE_ERROR = 0.005  #: Relative error of the force that both pads may share.
 DRIFT_TIME = 300.0      #: Time over which the drift is given [s].
-NOT_DONE = 'the step was not finished'
+NOT_DONE = 'the step was skipped or not finished'
 
 
 class Fact(NamedTuple):
@@ -277,6 +277,7 @@ class Evaluation:
         lines.append(_bound('time from a command to the movement', bound))
         lines += [_bound(f'time from a stop by {way.value} to standstill', self.stop_latency(way),
                          'a stop failed' if self.trials(way) else NOT_DONE) for way in (StopWay.CANCEL, StopWay.GOAL)]
+        lines.append(_bound('latency: time from a force on a pad to standstill', self.latency))
         names = 'right pad, offset along x', 'right pad, offset along y', 'right pad, turn', 'tilt along x', \
             'tilt along y'
         for name, each, unit in zip(names, self.alignment or [NOT_MEASURED] * 5, ('m', 'm', 'rad', 'rad', 'rad')):

@@ -79,8 +79,9 @@ class GuardedGripper:
         RefusedStepError
             Raised if the person does not consent.
         """
-        text = (f'{what}: {number} movements at {move.speed:.3g} {self._plan.unit}/s with an effort of '
-                f'{move.effort:.3g}, force at most {force:.3g} N. Start?')
+        movements = '1 movement' if number == 1 else f'{number} movements'
+        text = (f'{what}: {movements} at {move.speed:.3g} {self._plan.unit}/s with an effort of {move.effort:.3g}, '
+                f'force at most {force:.3g} N. Start?')
         if self._person.ask(Question(Act.CONSENT, text, ('yes', 'no'))) != 'yes':
             raise RefusedStepError(what, Mistake.NO_CONSENT, expected='yes', got='no',
                                    remedy='Start the command again when the gripper may move.')
@@ -217,13 +218,15 @@ class GuardedGripper:
                                     remedy='Stop the other node.')
         if now - self._joint_seen > SILENCE:
             return RefusedStepError(where, Mistake.SWITCHED_OFF, expected='joint states of the gripper', got='none',
-                                    remedy='Switch the gripper on, and start its driver.')
+                                    remedy='Switch the gripper on, and start its driver. If it runs, the machine is '
+                                    'too busy.')
         for number, seen in enumerate(self._pads_seen):
             if now - seen > SILENCE:
                 got = 'frames without values' if len(part.pads[number].times) else 'none'
                 return RefusedStepError(where, Mistake.PADS_SILENT, got=f'{got} for {now - seen:.2f} s',
-                                        expected=f'frames of pad {number + 1} of the driver',
-                                        remedy='Start the driver of the skin, and look at /diagnostics.')
+                                        expected=f'frames of the pad {self._plan.pads[number]!r}', remedy='Start the '
+                                        'driver of the skin. If it runs, read its log; on a busy machine, increase '
+                                        'its sync_period.')
         slack = OUTSIDE * self._plan.travel
         if not self._plan.low - slack <= self._reading <= self._plan.high + slack:
             return RefusedStepError(where, Mistake.OTHER_JOINT, got=f'{self._reading:.3g}',

@@ -50,7 +50,7 @@ def shift_of(hung: HungWeight, weight: float, down: Sequence[tuple[float, float]
 def shift_per_load(shifts: Sequence[float]) -> tuple[Estimate, str]:
     """Return the shift per load from two grips, and the reason if the two contradict each other."""
     if len(shifts) < 2:
-        return NOT_MEASURED, 'measured in fewer than two grips'
+        return NOT_MEASURED, 'the weight was hung in fewer than two grips'
     first, second = shifts[-2:]
     if first * second <= 0:
         return NOT_MEASURED, 'the two grips differ in sign'

@@ -27,6 +27,7 @@ class Mistake(Enum):
     PULLED_OUT = 'object pulled out'
     WEIGHT_MISSING = 'weight not hung'
     PADS_SILENT = 'no frames from a pad'
+    OTHER_RATE = 'other frame rate than in the record'
     NO_CONSENT = 'no consent'
 
 

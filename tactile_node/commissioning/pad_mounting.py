@@ -96,7 +96,7 @@ def find_mounting(presses: Sequence[Press], where: str) -> tuple[int, PadMountin
     """
     if len({press.pad for press in presses}) > 1:
         raise RefusedStepError(where, Mistake.WRONG_PAD, expected='all presses on one pad', got='presses on both pads',
-                               remedy='Press only the pad that the text names.')
+                               remedy='In the repeat, press only the pad that the text names.')
     pressed = np.array([press.place for press in presses])
     wanted = np.array(list(PLACES.values())) * REACH
     errors = [np.abs(pressed @ each.matrix.T - wanted).max() for each in MOUNTINGS]
@@ -112,7 +112,8 @@ def check_two_pads(first: int, second: int) -> None:
     """Raise RefusedStepError if the presses on both pads were felt by the same pad."""
     if first == second:
         raise RefusedStepError('presses on the right pad', Mistake.WRONG_PAD, expected='the other pad to feel them',
-                               got='the pad that felt the presses on the left pad', remedy='Press both pads again.')
+                               got='the pad that felt the presses on the left pad',
+                               remedy='In the repeat, press the places of each pad again.')
 
 
 def taxel_places(grid: PadGrid, mounting: PadMounting) -> np.ndarray:

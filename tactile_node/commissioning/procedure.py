@@ -61,6 +61,7 @@ STALL_TIME = 0.5        #: Duration of the recording of a stall [s].
 FOAM_SHARE = 0.5        #: Force on the foam, as a share of the force limit.
 FOAM_STALLS = 4         #: Smallest number of stalls on the foam.
 FOAM_FACTOR = 1.2       #: Factor between two efforts on the foam.
+SEEN_TIME = 0.1         #: Time in which a joint state arrives [s].
 STOPPED_TIME = 1.2      #: Duration of the recording after a stop [s].
 PHASES = 0.05           #: Range of the time before a command, so that the phase of the samples varies [s].
 STEP_INCREMENT = 2.5e-5  #: Increment of the commands that find the step of the gripper [m].
@@ -75,6 +76,14 @@ CLOSE_LIMIT = 90.0      #: Time allowed for a close [s].
 SETTLED_FRAMES = 10     #: Number of frames from which the force after a close is averaged.
 LOOSE_SHARE = 0.3       #: Share of the force below which the object was pulled out.
 AGE_TIME = 5.0          #: Time over which the age of the frames is observed [s].
+RATE_TIME = 2.0         #: Time over which the rate of the frames is compared with the record [s].
+MOST_RATE_CHANGE = 0.1  #: Largest relative difference of the two rates.
+PROMISED = 1.1          #: Force that is promised to the person, as a multiple of the force at which the foam step ends.
+BLOCK_SHARE = 0.95      #: Largest force on a block, as a share of the force limit, which the last stall may exceed.
+
+
+#: End of the request to hold an object.
+UNTIL_HELD = '. After you have consented to the movements, keep holding it until the gripper grips it.'
 
 
 def kind_of(step: str) -> str:
@@ -137,14 +146,33 @@ class CommissioningProcedure:
             raise RefusedStepError('gripper', Mistake.NO_CONSENT, expected='an emergency stop in reach', got='no',
                                    remedy='Put the emergency stop within your reach.')
         try:
+            if 'rest' in self._record:
+                self._attempt(self._check_rates)
             for name, step in self.steps.items():
                 kind = kind_of(name)
                 if name not in self._record and kind not in skip and self._has_finished(NEEDED.get(kind, ())):
                     self._on_step(name)
-                    self._record.save(name, step())
+                    if results := step():
+                        self._record.save(name, results)
         except BaseException:  # Ctrl-C stops the gripper as well
             self._gripper.stop()
             raise
+
+    def unfinished(self, skip: Collection[str] = ()) -> list[str]:
+        """Return the steps without results, except those that are skipped or that need a skipped step."""
+        return [name for name in self.steps
+                if name not in self._record and not {kind_of(name), *NEEDED.get(kind_of(name), ())} & set(skip)]
+
+    def _check_rates(self) -> None:
+        """Refuse to continue a record if the driver sends frames at another rate, because latencies depend on it."""
+        recording = self._gripper.watch(RATE_TIME, 'rest', may_touch=True)
+        for name, pad, rest in zip(self._plan.pads, recording.pads, self._record['rest']['pads']):
+            rate = float(np.diff(pad.sequences[[0, -1]])[0] / np.diff(pad.times[[0, -1]])[0])
+            if abs(rate / rest['rate'] - 1) > MOST_RATE_CHANGE:
+                raise RefusedStepError(f'pad {name!r}', Mistake.OTHER_RATE, got=f'{rate:.1f}',
+                                       expected=f'{rest["rate"]:.1f} frames per second, as in the record',
+                                       remedy='Start the driver with the settings of the record, or begin again in '
+                                       'another folder.')
 
     def _has_finished(self, kinds: Collection[str]) -> bool:
         return all(name in self._record for name in self.steps if kind_of(name) in kinds)
@@ -330,7 +358,10 @@ class CommissioningProcedure:
         return self._found.start_latency + SETTLE
 
     def _step(self) -> dict[str, Any]:
-        """Command small increments, at rest after each, and find the levels at which the gripper stays."""
+        """Command small increments, at rest after each, and find the levels at which the gripper stays.
+
+        The results are empty if the levels cannot be told apart.
+        """
         self._clear('step')
         law = self._found.law
         middle = law.middle if law else (self._plan.low + self._plan.high) / 2
@@ -346,7 +377,7 @@ class CommissioningProcedure:
             if number > 20 and abs(reached[-1] - reached[0]) > STEP_RANGE * self._largest_jump(reached):
                 break
         found = measure_step(np.array(commanded), np.array(reached), self._gripper.noise / 3)
-        return {'step': found, 'at': middle, 'increment': increment}
+        return {'step': found, 'at': middle, 'increment': increment} if found.is_known else {}
 
     def _largest_jump(self, reached: list[float]) -> float:
         return max(float(np.abs(np.diff(reached)).max()), 8 * self._gripper.noise)
@@ -356,9 +387,16 @@ class CommissioningProcedure:
     def _clear(self, where: str) -> None:
         """Open the gripper, and measure the zero again after everything was taken out."""
         if 'first movement' in self._record:  # a gripper that holds an object would snap shut
-            self._attempt(lambda: self._gripper.move(self._free(self._open_end), where, may_touch=True))
+            self._attempt(self._open, where)
         self._ask(Act.CLEAR, 'Take everything out of the gripper, and keep away from the pads.')
         self._attempt(self._gripper.renew_zero, where)
+
+    def _open(self, where: str) -> None:
+        opening = self._free(self._open_end)
+        self._gripper.watch(SEEN_TIME, where, may_touch=True)
+        if abs(self._gripper.reading - self._open_end) > FIRST_SHARE * self._plan.travel:
+            self._gripper.consent('opening, so hold what is between the pads', opening, TOUCHED, 1)
+        self._gripper.move(opening, where, may_touch=True)
 
     def _insert(self, act: Act, text: str, width: float = 0.0) -> None:
         where = act.value
@@ -384,10 +422,11 @@ class CommissioningProcedure:
         """Return the stalls at rising efforts, each against foam that the gripper has held since the first effort."""
         goal = FOAM_SHARE * self._plan.force_limit
         effort = self._record['first movement']['effort']
-        self._insert(Act.FOAM, 'Hold the foam between the pads until the gripper holds it.')
+        self._insert(Act.FOAM, f'Hold the foam between the pads{UNTIL_HELD}')
         rises = np.log(self._plan.most_effort / effort) / np.log(FOAM_FACTOR)
         self._gripper.consent('foam, with rising effort', Move(self._closed_end, self._plan.most_effort,
-                                                               self._plan.travel / FREE_TIME), goal, int(rises) + 5)
+                                                               self._plan.travel / FREE_TIME), PROMISED * goal,
+                              int(rises) + 5)
         stalls: list[Stall] = []
         while effort <= self._plan.most_effort:
             stalls.append(self._stall(effort, 'foam')[0])
@@ -460,7 +499,7 @@ class CommissioningProcedure:
 
     def _grip(self, block: GaugeBlock, act: Act = Act.BLOCK) -> BlockGrip:
         where = f'block of {1e3 * block.width:g} mm'
-        self._insert(act, f'Hold the {where} freely between the pads until the gripper holds it.', block.width)
+        self._insert(act, f'Hold the {where} freely between the pads{UNTIL_HELD}', block.width)
         limit = self._plan.force_limit
         move = Move(self._closed_end, self._effort_for(limit), self._plan.travel / FREE_TIME)
         self._gripper.consent(where, move, limit, len(PROBE_SHARES) + STALLS)
@@ -468,7 +507,7 @@ class CommissioningProcedure:
         first, second = stalls[-2:]
         closed = max(abs(second.reading - first.reading), self._gripper.noise) * abs(self._rough_metres)
         work = second.force + abs(second.force - first.force) / closed * DEPTH
-        for force in np.linspace(second.force, min(limit, work), STALLS + 1)[1:]:
+        for force in np.linspace(second.force, min(BLOCK_SHARE * limit, work), STALLS + 1)[1:]:
             stalls.append(self._held_stall(self._effort_for(float(force)), where))
             if stalls[-1].force > limit:
                 break
@@ -479,7 +518,7 @@ class CommissioningProcedure:
         stall, _ = self._stall(effort, where)
         if stall.force < TOUCHED:
             raise RefusedStepError(where, Mistake.BLOCK_MISSING, expected='a force on both pads', got='none',
-                                   remedy='Hold the block between the pads until the gripper holds it.')
+                                   remedy='Hold the block between the pads until the gripper grips it.')
         return stall
 
     def _weight(self) -> dict[str, Any]:
@@ -528,7 +567,8 @@ class CommissioningProcedure:
         stiffness = found.stiffness_at(grip).upper
         speed = max(SLOWEST, min(self._plan.overshoot / (found.latency * stiffness), found.speed.value))
         predicted = predict_overshoot(found.latency, speed, stiffness, found.rounding) + self._reading_error
-        self._insert(Act.OBJECT, 'Hold the block between the pads until the gripper holds it.', block.width)
+        self._insert(Act.OBJECT, f'Hold the block of {1e3 * block.width:g} mm between the pads{UNTIL_HELD}',
+                     block.width)
         start = grip.onset.value - self._towards * BACK / slope
         move = Move(self._closed_end, self._effort_for(PROOF_FACTOR * self._plan.touch_force), speed / slope)
         self._gripper.consent('proof', move, self._plan.touch_force + predicted, self._plan.closes)

@@ -59,6 +59,8 @@ class SimulatedDevice:
         self._codec = TaxelCodec(node.layout)
         self._records = TpdoRecords(node, self._number)
         self._node = canopen.LocalNode(node.node_id, node.dictionary)
+        if node.dictionary.get_variable(objects.IDENTITY, 4) is not None:  # real devices have different serial numbers
+            self._node.set_data(objects.IDENTITY, 4, node.node_id.to_bytes(4, 'little'))
         self._node.add_write_callback(self._before_write)
         self._node.add_read_callback(self._read_taxels)
         self._zero: np.ndarray | None = None  # values that the auto-zero of the device subtracts
