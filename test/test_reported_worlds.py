@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from bench.recognition import blemish, foreign, halo_skins, nothing, several
-from bench.recognition.figures import Rate, p_value_behind
+from bench.recognition.figures import PercentRate, p_value_behind
 from tactile_node.contact.neighbours import grown
 from tactile_node.shape.recognition import Shape
 from tactile_node.simulator.figures import coverage
@@ -59,8 +59,8 @@ def test_the_taxels_next_to_a_contact_read_the_stated_share(beside, monkeypatch)
 
 
 def test_tables_say_how_many_were_counted():
-    seen = nothing.DisturbanceResult('drift', Rate(1, 50), {Shape.CIRCLE: 1}, 0.1, Rate(0, 1))
-    punches = several.Several(2, 25, 4.0, *3 * [Rate(9, 10)])
+    seen = nothing.DisturbanceResult('drift', PercentRate(1, 50), {Shape.CIRCLE: 1}, 0.1, PercentRate(0, 1))
+    punches = several.Several(2, 25, 4.0, *3 * [PercentRate(9, 10)])
     assert nothing.table([seen]).rows[0][:2] == ['drift', '50'] and several.table([punches]).rows[0][3] == '10'
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from bench.recognition.cases import Case, patches, seeded
 from bench.recognition.contest import OURS, Contest, Result
-from bench.recognition.figures import Rate, p_value_behind
+from bench.recognition.figures import PercentRate, p_value_behind
 from bench.recognition.page import KIND, Table
 from bench.recognition.spots import Cell, cells, frame
 from tactile_node import find_contact
@@ -37,8 +37,8 @@ class Measured(NamedTuple):
     """Measured result of one cell."""
 
     cell: Cell
-    rates: dict[str, Rate]       #: rate of each contestant
-    by_shape: dict[str, Rate]    #: rate of our method for each shape
+    rates: dict[str, PercentRate]       #: rate of each contestant
+    by_shape: dict[str, PercentRate]    #: rate of our method for each shape
     better: str                  #: the better anchor
     p_value: float               #: p-value of "at most BEHIND worse than the better anchor", for this cell alone
 
@@ -64,7 +64,8 @@ def _of(cell: Cell, result: Result) -> Measured:
     rates = {name: result.rate(name) for name in result.answers}
     better = max((name for name in rates if name != OURS), key=lambda name: rates[name].value)
     ours, labels = result.right(OURS), result.case.labels
-    by_shape = {LABELS[k]: Rate(int(ours[labels == k].sum()), int((labels == k).sum())) for k in np.unique(labels)}
+    by_shape = {LABELS[k]: PercentRate(int(ours[labels == k].sum()), int((labels == k).sum()))
+                for k in np.unique(labels)}
     return Measured(cell, rates, by_shape, better, p_value_behind(ours, result.right(better), BEHIND))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from bench.recognition.cases import Case
-from bench.recognition.figures import Rate, calibration_error
+from bench.recognition.figures import PercentRate, calibration_error
 from tactile_node import ContactStream, Recogniser
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.shape.recogniser import OUTPUTS
@@ -38,9 +38,9 @@ class Result(NamedTuple):
     def right(self, name: str) -> np.ndarray:
         return self.answers[name].argmax(1) == self.case.labels
 
-    def rate(self, name: str) -> Rate:
+    def rate(self, name: str) -> PercentRate:
         right = self.right(name)
-        return Rate(int(right.sum()), len(right))
+        return PercentRate(int(right.sum()), len(right))
 
 
 class Contest:
@@ -94,11 +94,11 @@ def foreign_score(result: Result, name: str) -> np.ndarray:
     return answers[:, UNKNOWN] + answers[:, UNKNOWN + 1:].sum(1) if name == OURS else 1 - answers.max(1)
 
 
-def rejection_at_loss(known: list[Result], outliers: list[Result], name: str, loss: float = 0.02) -> Rate:
+def rejection_at_loss(known: list[Result], outliers: list[Result], name: str, loss: float = 0.02) -> PercentRate:
     """Return the rate of ``outliers`` rejected at the score limit that also rejects a share ``loss`` of ``known``."""
     limit = np.quantile(np.concatenate([foreign_score(result, name) for result in known]), 1 - loss)
     scores = np.concatenate([foreign_score(result, name) for result in outliers])
-    return Rate(int((scores > limit).sum()), len(scores))
+    return PercentRate(int((scores > limit).sum()), len(scores))
 
 
 def _time(function: Callable, argument: object) -> float:

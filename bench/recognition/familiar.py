@@ -7,7 +7,7 @@ import numpy as np
 from bench.recognition import blemish, foreign
 from bench.recognition.cases import Case, patches, seeded
 from bench.recognition.contest import ORDER, OURS, Result, rejection_at_loss
-from bench.recognition.figures import Rate
+from bench.recognition.figures import PercentRate
 from bench.recognition.page import KIND, Table
 from bench.recognition.stamp import Drawing, Stamp, pressed
 from tactile_node import Shape, find_contact
@@ -135,14 +135,14 @@ def _by_size(results: list[Result], areas: tuple[int, ...]) -> Iterator[tuple[bo
             yield on_off, area, [r for r in results if (r.case.on_off, r.case.area) == (on_off, area)]
 
 
-def _together(results: list[Result], right: Callable[[Result], np.ndarray]) -> Rate:
+def _together(results: list[Result], right: Callable[[Result], np.ndarray]) -> PercentRate:
     chosen = np.concatenate([right(result) for result in results])
-    return Rate(int(chosen.sum()), len(chosen))
+    return PercentRate(int(chosen.sum()), len(chosen))
 
 
-def _unknown(results: list[Result]) -> Rate:
+def _unknown(results: list[Result]) -> PercentRate:
     return _together(results, lambda r: r.answers[OURS].argmax(1) == ORDER.index(Shape.UNKNOWN))
 
 
-def _verdict(rate: Rate, least: float) -> str:
+def _verdict(rate: PercentRate, least: float) -> str:
     return 'met' if rate.value >= least else 'NOT MET'

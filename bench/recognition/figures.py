@@ -6,7 +6,7 @@ from scipy.stats import norm
 from tactile_node.learning import teach
 
 
-class Rate(teach.Rate):
+class PercentRate(teach.Rate):
     """A rate that the recognition tables show in per cent, without the sign."""
 
     def __str__(self) -> str:

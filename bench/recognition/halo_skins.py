@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from bench.recognition.cases import seeded
-from bench.recognition.figures import Rate
+from bench.recognition.figures import PercentRate
 from bench.recognition.page import Table
 from tactile_node import Recogniser
 from tactile_node.contact.neighbours import grown
@@ -105,9 +105,9 @@ class OfSkins(NamedTuple):
 
     beside: float
     read: str    #: one of READINGS
-    right: Rate  #: contacts recognised
-    sure: Rate   #: contacts with a sure name
-    wrong: Rate  #: contacts with a sure name that is wrong
+    right: PercentRate  #: contacts recognised
+    sure: PercentRate   #: contacts with a sure name
+    wrong: PercentRate  #: contacts with a sure name that is wrong
 
 
 def _alone(skin: HaloSkin, frames: list[np.ndarray], gains: np.ndarray) -> list[ContactPattern]:
@@ -157,7 +157,7 @@ def measured(recogniser: Recogniser, skins: int, purpose: Purpose) -> Iterator[O
                     answers[read].append((found.shape.value == shape, is_sure))
         for read, of in answers.items():
             counts = (sum(counted) for counted in zip(*((right, sure, sure and not right) for right, sure in of)))
-            yield OfSkins(beside, read, *(Rate(count, len(of)) for count in counts))
+            yield OfSkins(beside, read, *(PercentRate(count, len(of)) for count in counts))
 
 
 def table(found: list[OfSkins]) -> Table:

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from bench.recognition.figures import Rate
+from bench.recognition.figures import PercentRate
 from bench.recognition.idle import IDLE, Idle
 from bench.recognition.page import Table
 from tactile_node import ContactStream, Recogniser, find_contact
@@ -38,10 +38,10 @@ class DisturbanceResult(NamedTuple):
     """Result for one kind of disturbance."""
 
     kind: str
-    called: Rate          #: single frames that are reported as one of the five shapes
+    called: PercentRate          #: single frames that are reported as one of the five shapes
     by_shape: dict[Shape, int]
     longest: float        #: longest time for which a stream reports shapes without a break [s]
-    streams: Rate         #: sequences in which a stream reports a shape for more than LONGEST
+    streams: PercentRate         #: sequences in which a stream reports a shape for more than LONGEST
 
     @property
     def is_met(self) -> bool:
@@ -66,8 +66,8 @@ def measured(rng: np.random.Generator, kind: str, recognise: Recognise, new_stre
                 by_shape[shape] += 1
         times.append(PERIOD * longest_run(reported))
     too_long = sum(time > LONGEST + 1e-9 for time in times)
-    return DisturbanceResult(kind, Rate(sum(by_shape.values()), frames), by_shape, max(times),
-                             Rate(too_long, len(times)))
+    return DisturbanceResult(kind, PercentRate(sum(by_shape.values()), frames), by_shape, max(times),
+                             PercentRate(too_long, len(times)))
 
 
 def library(recogniser: Recogniser) -> tuple[Recognise, NewStream]:

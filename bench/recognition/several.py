@@ -7,7 +7,7 @@ import numpy as np
 
 from bench.recognition.beside import WEAKEST, Pad, draw
 from bench.recognition.cases import seeded
-from bench.recognition.figures import Rate
+from bench.recognition.figures import PercentRate
 from bench.recognition.page import Table
 from tactile_node import Recogniser, find_contact
 from tactile_node.contact.pattern import of_contact
@@ -25,9 +25,9 @@ class Several(NamedTuple):
     number: int
     area: int
     gap: float
-    apart: Rate     #: punches found as separate contacts
-    together: Rate  #: punches recognised on the shared pad
-    alone: Rate     #: punches recognised alone on the pad
+    apart: PercentRate     #: punches found as separate contacts
+    together: PercentRate  #: punches recognised on the shared pad
+    alone: PercentRate     #: punches recognised alone on the pad
 
 
 def cases(recogniser: Recogniser, pads: int, purpose: Purpose) -> Iterator[Several]:
@@ -62,5 +62,5 @@ def _measured(recogniser: Recogniser, pads: list[Pad], number: int, area: int, g
             one = of_contact(pattern, contact)._replace(contacts=1) if contact > 1 else pattern
             together.append(is_own and recogniser.recognise(one).shape.value == label)
             alone.append(recogniser.recognise(find_contact(frame, unit=None)).shape.value == label)
-    rates = [Rate(int(sum(each)), len(each)) for each in (apart, together, alone)]
+    rates = [PercentRate(int(sum(each)), len(each)) for each in (apart, together, alone)]
     return Several(number, area, gap, *rates)

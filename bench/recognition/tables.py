@@ -4,7 +4,7 @@ import numpy as np
 
 from bench.recognition.cases import CLEAN, FRAME_LABELS, PUNCHES, frame_labels, make_case, patches, recorded
 from bench.recognition.contest import ORDER, OURS, Contest, Result, answers_of, calibration, streamed
-from bench.recognition.figures import Rate
+from bench.recognition.figures import PercentRate
 from bench.recognition.page import KIND, Table
 from tactile_node import Recogniser
 from tactile_node.contact.pattern import PatternExtractor
@@ -38,10 +38,10 @@ def _verdict(result: Result) -> str:
     return 'above' if ours > high else 'within' if ours >= low else 'BELOW'
 
 
-def unknown(result: Result) -> Rate:
+def unknown(result: Result) -> PercentRate:
     """Return the rate of known shapes that our method calls unknown."""
     called = result.answers[OURS].argmax(1) == ORDER.index(Shape.UNKNOWN)
-    return Rate(int(called.sum()), len(called))
+    return PercentRate(int(called.sum()), len(called))
 
 
 def lost(clean: list[Result]) -> Table:
