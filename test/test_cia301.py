@@ -95,7 +95,7 @@ def drawn(rng: random.Random) -> CanFrame:
     can_id = rng.choice((0, 0x7FF, 0x080, 0x1A0, rng.getrandbits(11)))
     data = bytes(rng.choice((0, 0, 0xFF, 0x55, 0x1F, 0x0F, rng.getrandbits(8))) for _ in range(rng.randrange(9)))
     return CanFrame(can_id << 18 | rng.getrandbits(18) if is_extended else can_id, b'' if is_remote else data,
-                 is_extended, is_remote, len(data) if is_remote else 0)
+                    is_extended, is_remote, len(data) if is_remote else 0)
 
 
 def test_no_frame_is_longer_than_the_worst_case():

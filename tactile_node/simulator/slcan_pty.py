@@ -171,7 +171,7 @@ def encode(message: can.Message) -> bytes:
 
 def frame_of(message: can.Message) -> CanFrame:
     return CanFrame(message.arbitration_id, bytes(message.data or b''), message.is_extended_id, message.is_remote_frame,
-                 message.dlc if message.is_remote_frame else 0)
+                    message.dlc if message.is_remote_frame else 0)
 
 
 def line_of(frame: CanFrame) -> bytes:
