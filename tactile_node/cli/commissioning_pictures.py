@@ -19,6 +19,7 @@ FRAME = PlotArea(760, 220, 70, 20, 12, 24)
 PAD_WIDTH = 380  #: [pixels]
 BLUE, ORANGE, GREEN, VIOLET = POINT_COLOURS
 LINE = np.inf  #: gap of a series that is drawn as a line
+BESIDE = 0.1  #: distance between the point of a pad and the number of the close
 MARGIN = 0.08  #: margin around the points [share of their range]
 TAXEL_COLOURS = {TaxelFinding.UNKNOWN: (225, 228, 234), TaxelFinding.WORKS: (46, 139, 87),
                  TaxelFinding.FAULTY: (193, 18, 31)}
@@ -39,11 +40,12 @@ def _law(found: Evaluation, unit: str) -> dict[str, tuple[str, str]]:
     bars = [Series(BLUE, np.array((reading, reading)), 1e3 * np.array((miss - spread, miss + spread)), LINE)
             for reading, miss, spread in zip(readings, misses, spreads)]
     return {
-        'opening.svg': ('Opening law (blue) and the gauge blocks (orange).', _drawn(
+        'opening.svg': ('Opening over the position of the joint: law (blue) and gauge blocks (orange).', _drawn(
             [Series(BLUE, line, np.array([1e3 * found.law.law.gap(each) for each in line]), LINE),
              Series(ORANGE, readings, 1e3 * widths)], f' {unit}', ' mm')),
         'opening_residuals.svg': (
-            'Law minus width of the block (orange), with two standard deviations of the law (blue).',
+            'Law minus width of the block (orange) over the position of the joint, with two standard deviations of the '
+            'law (blue).',
             _drawn([Series(VIOLET, line, np.zeros(line.shape), LINE), *bars, Series(ORANGE, readings, 1e3 * misses)],
                    f' {unit}', ' mm'))}
 
@@ -55,8 +57,8 @@ def _stops(found: Evaluation) -> dict[str, tuple[str, str]]:
         known = np.isfinite(stopped)
         curves.append(Series(colour, 1 + np.flatnonzero(known), stopped[known]))
     return {'stops.svg': (
-        'Time from a stop to standstill in each trial: cancel (blue), goal at the present position (orange), goal to '
-        'open (green). Failed trials are left out.', _drawn(curves, '', ' ms'))} if any(
+        'Time from a stop to standstill over the number of the trial: cancel (blue), goal at the present position '
+        '(orange), reverse (green). Failed trials are left out.', _drawn(curves, '', ' ms'))} if any(
             curve.x.size for curve in curves) else {}
 
 
@@ -66,12 +68,12 @@ def _proof(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, s
     number, limit = np.arange(1, len(found.closes) + 1), plan.touch_force
     curves = [Series(VIOLET, number, np.full(number.shape, level), LINE)
               for level in (limit, limit + found.predicted_overshoot)]
-    curves += [Series(colour, number, np.array([close.forces[pad] for close in found.closes]))
-               for pad, colour in enumerate((BLUE, GREEN))]
+    curves += [Series(colour, number + beside, np.array([close.forces[pad] for close in found.closes]))
+               for pad, (colour, beside) in enumerate(((BLUE, -BESIDE), (GREEN, BESIDE)))]
     curves.append(Series(ORANGE, number, limit + np.array([close.overshoot for close in found.closes])))
     return {'proof.svg': (
-        'Force of each close: largest (orange), at rest on the left pad (blue) and on the right pad (green). The lines '
-        '(violet) show the force of the stop, and the predicted largest force.', _drawn(curves, '', ' N'))}
+        'Force over the number of the close: largest (orange), at rest on the left pad (blue) and on the right pad '
+        '(green). The lines (violet) show the force of the stop, and the predicted largest force.', _drawn(curves, '', ' N'))}
 
 
 def _pads(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, str]]:
