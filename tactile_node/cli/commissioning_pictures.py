@@ -73,7 +73,8 @@ def _proof(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, s
     curves.append(Series(ORANGE, number, limit + np.array([close.overshoot for close in found.closes])))
     return {'proof.svg': (
         'Force over the number of the close: largest (orange), at rest on the left pad (blue) and on the right pad '
-        '(green). The lines (violet) show the force of the stop, and the predicted largest force.', _drawn(curves, '', ' N'))}
+        '(green). The lines (violet) show the force of the stop, and the predicted largest force.',
+        _drawn(curves, '', ' N'))}
 
 
 def _pads(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, str]]:
