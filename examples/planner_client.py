@@ -33,7 +33,9 @@ SLIDES = 3                   # ContactMotion.ALONG_X and ALONG_Y
 
 # Pressure per depth of the skin [Pa/m]. If the value is too high, the corrections of the tilt are too small.
 STIFFNESS = 25e6
-FLUSH = 0.015                # smallest tilt whose direction can be measured [rad]
+FLUSH = 0.015                # smallest tilt that shows which way a face leans, if the face may be a dome [rad]
+FLAT_FLUSH = 0.005           # the same for a face with corners, which is flat [rad]
+CORNERED = (4, 5, 6, 7)      # ContactShape.SQUARE, RECTANGLE, RIGHT_TRIANGLE, ISOSCELES_TRIANGLE
 WATCHDOG_PERIOD = 0.02       # period of the watchdog [s]
 REPORT_PERIOD = 0.5          # period of reports while the action is unchanged [s]
 
@@ -123,7 +125,8 @@ def opposing(grasp, left: np.ndarray = DEFAULT_LEFT) -> tuple[float, float, floa
     """
     about_x, about_y = (lean / STIFFNESS for lean in grasp.lean)
     # If the faces lean, the line of the contacts is a diagonal, because friction holds such faces at opposite edges.
-    if hypot(about_x, about_y) <= FLUSH:
+    is_flat = grasp.shape in CORNERED and grasp.confidence >= MIN_CONFIDENCE
+    if hypot(about_x, about_y) <= (FLAT_FLUSH if is_flat else FLUSH):
         x, y, _ = left.T @ (grasp.axis.x, grasp.axis.y, grasp.axis.z)
         sine = hypot(x, y) or 1.0
         about_x, about_y = -grasp.misalignment * y / sine, grasp.misalignment * x / sine

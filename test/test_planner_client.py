@@ -23,7 +23,7 @@ class Codes:
     NOT_KNOWN, UNSEEN, NO_CONTACT, ONE_SIDED, TWO_SIDED = range(5)
 
 
-SQUARE, OTHER, UNKNOWN = 4, 8, 2
+CIRCLE, SQUARE, OTHER, UNKNOWN = 3, 4, 8, 2
 MOTIONS = {name: [SimpleNamespace(moving=1, observable=1), SimpleNamespace(moving=moving, observable=observable)]
            for name, moving, observable in (('still', 1, 2), ('slides', 2, 3), ('not known', 0, 3), ('blind', 1, 0),
                                          ('turns would show', 1, 4))}
@@ -103,6 +103,17 @@ def test_a_gripper_aligns_with_leaning_faces_regardless_of_their_line():
     assert choose(lean=(nan, nan)).action == choose(lean=(0.0, 0.04 * client.STIFFNESS)).action == 'lift'
     for unsure in ({'line_is_bound': True}, {'offset': nan}, {'fresh': False}, {'contact': Codes.ONE_SIDED}):
         assert choose(**DIAGONAL | lean | unsure).action in STILL
+
+
+@pytest.mark.parametrize(('changes', 'expected'), [
+    ({}, -0.01), ({'lean': (0.0, -0.004 * client.STIFFNESS)}, 0.15),  # too small a lean to show a direction
+    # Only a face with corners is certainly flat. The lean of a dome is noise.
+    ({'shape': CIRCLE}, 0.15), ({'shape': UNKNOWN}, 0.15), ({'confidence': 0.5}, 0.15)])
+def test_a_small_lean_of_a_flat_face_counts_more_than_the_line(changes, expected):
+    """Friction holds an oblique flat face at opposite edges, so the line points the wrong way."""
+    line = {'offset': 0.008, 'misalignment': 0.15, 'axis': (sin(0.15), 0.0, cos(0.15))}
+    correction = choose(**line | {'lean': (0.0, -0.01 * client.STIFFNESS)} | changes)
+    assert correction.action == 'tilt' and correction.tilt == pytest.approx((0.0, expected, 0.0))
 
 
 @pytest.mark.parametrize(('angle', 'symmetry', 'expected'), [

@@ -169,7 +169,7 @@ def test_the_loop_gives_up_without_a_squeeze_if_no_move_helps(fault, reason):
 @pytest.mark.ros
 def test_the_loop_is_never_done_with_wrong_advice(monkeypatch):
     """If the loop succeeded with wrong advice, the tests above could not fail."""
-    monkeypatch.setattr(planner_client, 'opposing', lambda line: (0.0, -line.misalignment, 0.0))
+    monkeypatch.setattr(planner_client, 'opposing', lambda line, left: (0.0, -line.misalignment, 0.0))
     run, = bench_planner.runs(1)
     assert not run.is_done
 

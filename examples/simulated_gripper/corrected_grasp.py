@@ -38,8 +38,8 @@ TURNED = 0.005         #: angle from the target at which the hand has arrived [r
 STABLE_TIMEOUT = 5.0   #: time allowed after the lift until the grasp is stable [s]
 TRIES = 4              #: largest number of attempts to close, each with an open gripper
 SEEN_TIMEOUT = 20.0    #: time allowed until both pads are seen again [s]
-#: Outcomes after which the gripper opens and closes again, because data of the pads were missing for a while.
-UNSEEN = GripperOutcome.NOT_SEEN, GripperOutcome.FORCE_NOT_KNOWN, GripperOutcome.LOST
+#: Outcomes after which the gripper opens and closes again, because data of the pads were missing or late for a while.
+UNSEEN = GripperOutcome.NOT_SEEN, GripperOutcome.FORCE_NOT_KNOWN, GripperOutcome.LOST, GripperOutcome.ONE_SIDED
 
 
 def corrected(hand: Transform, left: np.ndarray, midpoint: np.ndarray, correction: Correction) -> Transform:
