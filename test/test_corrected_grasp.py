@@ -13,7 +13,7 @@ import pytest
 from built_messages import environment_with
 from can_bench import TooSlowError, is_overloaded
 from grasp_loop import GraspLoop, Order
-from planner_chain import Chain
+from planner_chain import PlannerChain
 from planner_client import Correction
 from planner_world import AIM, noisy
 from scipy.spatial.transform import Rotation
@@ -82,7 +82,7 @@ def in_lockstep(corrected, item, seed):
     The pads send 20 frames per second while the gripper is closed. The loop is that of the example.
     """
     world, random = World(ITEMS[item], random_place(seed)), np.random.default_rng(seed)
-    chain, loop = Chain(gripper=GRIPPER), GraspLoop()
+    chain, loop = PlannerChain(gripper=GRIPPER), GraspLoop()
     order = Order('move')
     while order.kind == 'move':
         world.command(Command(0.0, effort=2.0))
