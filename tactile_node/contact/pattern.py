@@ -13,7 +13,7 @@ from tactile_node.contact.left_over import LeftOver
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown, pad_seen
 from tactile_node.contact.noise_floor import NoiseFloor
 from tactile_node.contact.press import PressThresholds, are_on_off
-from tactile_node.contact.standing_out import HALO_SHARE, NOISE_SPREADS, Threshold, standing_out
+from tactile_node.contact.standing_out import GROUP_TAXELS, HALO_SHARE, NOISE_SPREADS, Threshold, standing_out
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO, read_only
 
@@ -286,8 +286,11 @@ def are_alike(values: np.ndarray) -> bool:
 
 
 def _is_beside(rise: float, rises: np.ndarray) -> bool:
-    """Return True if a ``rise`` of the resting taxels is so small that a contact on other taxels explains it."""
-    return bool(rise <= HALO_SHARE * rises.max())
+    """Return True if a ``rise`` of the resting taxels is so small that a contact on other taxels explains it.
+
+    The contact has at least GROUP_TAXELS taxels, because a single high reading may be a stuck taxel.
+    """
+    return bool(rise <= HALO_SHARE * np.partition(rises, -GROUP_TAXELS)[-GROUP_TAXELS])
 
 
 def _correlation(one: np.ndarray, other: np.ndarray) -> float:
