@@ -64,6 +64,25 @@ def test_a_block_keeps_its_outline_although_the_taxels_around_it_rested_lower_be
     assert np.mean(wrong) < 1
 
 
+def test_a_taxel_at_full_scale_does_not_hide_an_object_that_covers_the_pad():
+    rng, extractor = np.random.default_rng(1), PatternExtractor()
+    noise = 0.002 * rng.standard_normal((6, *BLOCK.shape))
+    noise[:, 4, 4] = 1.0
+    for frame in noise[:5]:
+        extractor.extract(frame)
+    assert extractor.extract(np.minimum(noise[5] + 0.24, 1.0)).mask.mean() > 0.5
+
+
+def test_the_outline_of_a_dome_that_covers_the_pad_stays_near_half_of_its_peak():
+    """The dome falls to 15 % at the middle of an edge, and to a half at 4.8 taxels from the middle of the pad."""
+    rng, extractor = np.random.default_rng(0), PatternExtractor()
+    y, x = (np.indices((16, 16)) - 7.5) / 8
+    dome = np.exp(0.15 * rng.standard_normal(x.shape)) * 0.15 ** (x * x + y * y)
+    for load in (*np.zeros(40), *np.linspace(0.05, 1, 20)):
+        pattern = extractor.extract(load * dome + 0.003 * rng.standard_normal(dome.shape))
+    assert np.count_nonzero(pattern.mask) > 0.7 * np.pi * 4.8 ** 2
+
+
 def test_a_third_of_the_halo_or_more_is_taken_from_values_without_a_unit_and_none_from_pressures():
     halo = carried(BLOCK, 1.5)
     frame = BLOCK + halo

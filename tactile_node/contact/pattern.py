@@ -11,9 +11,9 @@ from scipy import ndimage
 
 from tactile_node.contact.left_over import LeftOver
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, grown, pad_seen
-from tactile_node.contact.noise_floor import NoiseFloor
+from tactile_node.contact.noise_floor import NoiseFloor, Resting
 from tactile_node.contact.press import PressThresholds, are_on_off
-from tactile_node.contact.standing_out import HALO_SHARE, NOISE_SPREADS, Threshold, standing_out
+from tactile_node.contact.standing_out import GROUP_TAXELS, HALO_SHARE, NOISE_SPREADS, Threshold, standing_out
 from tactile_node.errors import InputError
 from tactile_node.taxel_frame import LEAST_BY_UNIT, ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO, read_only
 
@@ -230,8 +230,8 @@ class PatternExtractor:
             own = self._floor.of_frame
             highest = own.level + NOISE_SPREADS * own.deviation if own.is_known else -np.inf
             threshold = Threshold(level, noise, least, highest)
-            if self._is_free and not self._floor.is_followed and _is_beside(own.level - level, values[valid] - level):
-                threshold = threshold._replace(level=own.level, noise=np.maximum(noise, own.deviation))
+            if self._is_free and not self._floor.is_followed:
+                threshold = _with_raised_rest(threshold, own, values[valid])
             before = self._before(values.shape)
             pressed, halo = standing_out(values, valid, threshold, before)
             self._pressed = pressed | before & ~valid
@@ -285,9 +285,18 @@ def are_alike(values: np.ndarray) -> bool:
     return _correlation(*pairs) > ALIKE_CORRELATION
 
 
-def _is_beside(rise: float, rises: np.ndarray) -> bool:
-    """Return True if a ``rise`` of the resting taxels is so small that a contact on other taxels explains it."""
-    return bool(rise <= HALO_SHARE * rises.max())
+def _with_raised_rest(threshold: Threshold, own: Resting, seen: np.ndarray) -> Threshold:
+    """Return the threshold of a frame in which a contact may raise the taxels beside it.
+
+    If the resting taxels read little compared with the contact, their level and noise in this frame, ``own``, are used.
+    The contact has at least GROUP_TAXELS taxels, because a single high reading may be a stuck taxel. The noise is
+    limited, because the readings under the rim of a large object differ as well.
+    """
+    most = HALO_SHARE * (float(np.partition(seen, -GROUP_TAXELS)[-GROUP_TAXELS]) - threshold.level)
+    if own.level - threshold.level > most:
+        return threshold
+    return threshold._replace(level=own.level, noise=np.maximum(threshold.noise,
+                                                                min(own.deviation, most / NOISE_SPREADS)))
 
 
 def _correlation(one: np.ndarray, other: np.ndarray) -> float:
