@@ -12,7 +12,6 @@ report (report.md, report.json). The exit code is 1 if a step was refused, or if
 
 import argparse
 import sys
-import termios
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -151,6 +150,7 @@ class Terminal:
         prompt = question.act.prompt if is_single else '/'.join(question.choices)
         self.say(f'\n{question.text}')
         if self._answers.isatty():  # an answer that was typed before the question is no consent
+            import termios  # a late import, because Windows does not have this module
             termios.tcflush(self._answers, termios.TCIFLUSH)
         while True:
             print(f'  [{prompt}] ', end='', file=self._texts, flush=True)
