@@ -9,7 +9,6 @@ An unknown number is NaN, which Rerun shows as a gap.
 """
 
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -72,4 +71,4 @@ def main(bag: str, output: str) -> None:
 
 
 if __name__ == '__main__':
-    main(*map(str, map(Path, sys.argv[1:3])))
+    main(*sys.argv[1:3])

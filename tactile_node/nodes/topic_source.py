@@ -112,8 +112,8 @@ class TopicSource(ViewSource):
         if not topics:
             rclpy.try_shutdown()
             raise ConfigurationError(f'topics below {self._root}', expected='<pad>/taxels of a running driver',
-                                     got='none', remedy='Start the driver, or name the pads with --pads. '
-                                            'For a bus, use --interface.')
+                                     got='none', remedy='Start the driver, or name the pads with --pads. For a bus, '
+                                     'use --interface.')
         return sorted(topic.removeprefix(self._root).rpartition('/')[0] for topic in topics)
 
 
