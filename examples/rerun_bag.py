@@ -27,7 +27,9 @@ class Pad:
     """Logs the frames and outlines of one pad."""
 
     def __init__(self, name: str):
-        self._name, self._scale, self._pitch = name, ColourScale(), np.nan
+        self._name = name
+        self._scale = ColourScale()
+        self._pitch = np.nan
 
     def log_taxels(self, message: Any) -> None:
         frame, self._pitch = frame_of(message), message.pitch

@@ -77,7 +77,7 @@ def _add_opening(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found
 def _add_pads(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found: Evaluation,
               plan: CommissioningPlan) -> None:
     if found.is_swapped is None:
-        absent['left_pad, right_pad'] = 'the step pads was not finished'
+        absent['left_pad, right_pad'] = 'the step `pads` was not finished'
     elif found.is_swapped:
         absent['left_pad, right_pad'] = 'the pads are swapped: exchange their names in `pads` of the launch file'
     if mirrored := [name for name, mounting in zip(found.names, found.mountings) if mounting.is_mirrored]:
