@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 
 from bench.recognition.real_frames import UNDECIDABLE, read_frames, read_labels
 from tactile_node.contact.pattern import PatternExtractor
-from tactile_node.learning.assess import Answers, Gain, LabelledTouch, assess
+from tactile_node.learning.assess import Answers, Improvement, LabelledTouch, assess
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.recogniser import ShapeRecogniser
@@ -75,10 +75,10 @@ def bench(array: str, data: Path) -> str:
         results.append([(100 * counts.right / counts.total, answers.scores().mean(), counts.sure, counts.sure_and_wrong)
                         for answers in (before, after) for counts in [answers.counts()]])
     each = np.array([np.mean(of) for of in gained.values()])
-    gain = Gain(float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each))), len(each))
+    improvement = Improvement(float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each))), len(each))
     rows = ['right {:.1f} %, Brier score {:.3f}, sure {:.1f}, sure and wrong {:.1f}'.format(*row)
             for row in np.mean(results, axis=0)]
-    return (f'{array}: {kept} of {DRAWS} kept, Brier score better by {gain} over {len(each)} frames\n'
+    return (f'{array}: {kept} of {DRAWS} kept, Brier score better by {improvement} over {len(each)} frames\n'
             f'  without: {rows[0]}\n  with:    {rows[1]}')
 
 

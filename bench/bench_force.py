@@ -34,10 +34,13 @@ SHAPES = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle
 FORCES = 1.0, 4.0          #: [N]
 ZERO_ERRORS = 0.0, 0.005   #: common error of the zero, and standard deviation of each taxel's own [full scale]
 NOISE = 0.01               #: standard deviation of the noise on elastic skins [full scale]
-REST, FRAMES = 30, 10      #: frames before and during a contact
+REST = 30                  #: frames before a contact
+FRAMES = 10                #: frames during a contact
 AREAS = 25.0, 40.0, 60.0   #: [taxels]
 SPREAD = 0.3               #: share of the load that a cover spreads
-TURN, SHIFT, TILT = 0.26, 0.004, 0.03  #: largest turn [rad], shift [m] and tilt [rad] of an item
+TURN = 0.26                #: largest turn of an item [rad]
+SHIFT = 0.004              #: largest shift of an item [m]
+TILT = 0.03                #: largest tilt of an item [rad]
 COUNTED = 'contact', 'and one ring', 'and two rings', 'whole pad'
 
 Contact = Callable[[float], np.ndarray]  #: Maps a force [N] to taxel values without noise [Pa].

@@ -74,7 +74,7 @@ def groups_of(array: str, data: Path) -> list[ArrayGroup]:
         return [ArrayGroup([hand[k][hand[k].sum((1, 2)).argmax()] for hand in hands], 4095) for k in range(len(PADS))]
     covers = sorted(cover for cover in (data / VITAC).iterdir() if 'Press' in cover.name)
     return [ArrayGroup([frame for file in sorted(cover.rglob('raw.csv'))
-                   for frame in np.loadtxt(file, delimiter=',')[::STEP].reshape(-1, *VITAC_PAD)], 1.0)
+                        for frame in np.loadtxt(file, delimiter=',')[::STEP].reshape(-1, *VITAC_PAD)], 1.0)
             for cover in covers]
 
 

@@ -1,14 +1,14 @@
 """Convert a bag with the topics of a skin to a LeRobot v3 data set, load the data set again, and compare it.
 
-    pip install lerobot==0.4.4 '.[bag]'     # in an environment of its own, because lerobot pins its dependencies
+    pip install lerobot==0.4.4 '.[bag]'     # in an environment of its own, because LeRobot requires exact versions
     python examples/lerobot_dataset.py BAG FOLDER [--fps 30] [--window 4] [--task TEXT]
 
 The bag needs <pad>/taxels, and may contain grasp and <pad>/events. The data set has one episode. In each of its frames,
 a pad has a window of the latest acquisitions, one for each SYNC period, the newest last:
 
 - observation.PAD.taxels: values [unit of the skin], FILL where no valid value exists
-- observation.PAD.valid: True where a value is valid. A lost acquisition is False everywhere. The value of a saturated
-  taxel is valid, but a lower bound.
+- observation.PAD.valid: True where a value is valid. For a lost acquisition, the whole mask is False. The value of a
+  saturated taxel is valid, but a lower bound.
 - observation.PAD.stamp: acquisition stamps [ns], NO_STAMP for a lost acquisition
 - observation.PAD.events: number of events since the previous frame of the data set, by code of ContactEvent
 - observation.grasp, observation.grasp_valid, observation.grasp_codes: latest grasp (NUMBERS, CODES)
@@ -127,7 +127,9 @@ def read(bag: Path) -> Recording:
         sequences = np.array([each.sequence for each in found], np.int64)
         if len(found) < 2 or (np.diff(sequences) <= 0).any():
             raise LogError(f'{bag}, pad {pad}', expected='rising sequence numbers of at least two acquisitions',
-                           got=f'{len(found)} acquisitions', remedy='Record one run of the driver in one bag.')
+                           got=f'{len(found)} acquisitions, '
+                           f'{np.count_nonzero(np.diff(sequences) <= 0)} of them out of order',
+                           remedy='Record one run of the driver in one bag.')
         pads[pad] = Acquisitions(
             sequences, np.array([each.header.stamp.sec * SECOND + each.header.stamp.nanosec for each in found]),
             np.array([np.reshape(each.values, (each.rows, each.cols)) for each in found], np.float32))

@@ -3,8 +3,8 @@
     python examples/planner_client.py --ros-args -r grasp:=/gripper/grasp -p 'left_rpy:=[-1.57, 0.0, 0.0]'
 
 Give the client the same left_rpy as the grasp node. Without left_rpy, the client uses the grasp node's default. The
-client reports its corrections in the frame of the left pad. docs/planning.md converts a correction to a pose of the
-hand.
+client reports its corrections in the frame of the left pad. docs/planning.md shows how to convert a correction to a
+pose of the hand.
 
 The actions `shift`, `rotate`, `tilt` and `regrasp` need an open gripper: open, move, close again
 (examples/grasp_loop.py).
@@ -33,7 +33,7 @@ SLIDES = 3                   # ContactMotion.ALONG_X and ALONG_Y
 
 # Pressure per depth of the skin [Pa/m]. If the value is too high, the corrections of the tilt are too small.
 STIFFNESS = 25e6
-FLUSH = 0.015                # smallest tilt that shows which way a face leans, if the face may be a dome [rad]
+FLUSH = 0.015                # largest tilt that does not show which way a face leans, if the face may be a dome [rad]
 FLAT_FLUSH = 0.005           # the same for a face with corners, which is flat [rad]
 CORNERED = (4, 5, 6, 7)      # ContactShape.SQUARE, RECTANGLE, RIGHT_TRIANGLE, ISOSCELES_TRIANGLE
 WATCHDOG_PERIOD = 0.02       # period of the watchdog [s]

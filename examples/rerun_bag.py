@@ -9,7 +9,6 @@ An unknown number is NaN, which Rerun shows as a gap.
 """
 
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,9 @@ class Pad:
     """Logs the frames and outlines of one pad."""
 
     def __init__(self, name: str):
-        self._name, self._scale, self._pitch = name, ColourScale(), np.nan
+        self._name = name
+        self._scale = ColourScale()
+        self._pitch = np.nan
 
     def log_taxels(self, message: Any) -> None:
         frame, self._pitch = frame_of(message), message.pitch
@@ -72,4 +73,4 @@ def main(bag: str, output: str) -> None:
 
 
 if __name__ == '__main__':
-    main(*map(str, map(Path, sys.argv[1:3])))
+    main(*sys.argv[1:3])

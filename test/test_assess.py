@@ -16,7 +16,7 @@ from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.assess import (
     LEAST_TOUCHES,
     Answers,
-    Gain,
+    Improvement,
     LabelledTouch,
     assess,
     with_and_without_gains,
@@ -130,9 +130,9 @@ def test_an_overconfident_recogniser_improves_on_unseen_touches(fresh_answers):
 
 @pytest.mark.slow
 def test_the_gain_that_is_reported_is_that_of_fresh_touches(assessed, fresh_answers):
-    """The touches used to fit an adaptation would overstate its gain, so the test uses fresh touches."""
+    """The touches used to fit an adaptation would overstate its improvement, so the test uses fresh touches."""
     before, after = fresh_answers
-    low, high = assessed.gain.interval
+    low, high = assessed.improvement.interval
     assert low < (before.scores() - after.scores()).mean() < high
 
 
@@ -157,7 +157,7 @@ def test_nothing_is_adapted_from_too_little(base, touches):
 
 
 @pytest.mark.slow
-def test_nothing_is_adapted_without_a_gain(base):
+def test_nothing_is_adapted_without_an_improvement(base):
     found = assess(base, touches_of(EVERY, 6, gains=1.0, blur=0.0))
     assert found.before.counts().right == found.before.counts().total
     assert found.after is not None and found.adaptation is None
@@ -214,7 +214,7 @@ def test_gains_are_a_cause_of_errors_only_if_they_are_uneven(gains, is_cause, ba
     names, frames = zip(*frames_of(EVERY, 16, gains=gains))
     as_it_is, even = with_and_without_gains(base, [label_of(name) for name in names], frames)
     assert as_it_is.counts().right < len(frames)
-    assert (Gain.of(as_it_is, even).interval[0] > 0) is is_cause
+    assert (Improvement.of(as_it_is, even).interval[0] > 0) is is_cause
 
 
 def test_the_gains_of_the_other_touches_make_the_readings_even():

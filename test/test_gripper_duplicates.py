@@ -75,7 +75,7 @@ def test_one_goal_to_close_is_not_carried_out_by_two_processes(make_bench, tmp_p
                 other.result(other.send(position=0.0))
                 # Until the first process has heard the second process, the first process may close.
                 assert bench.motor.directions.count('close') <= 1
-                bench.until(lambda: all('another touch_gripper is heard' in log.read_text() for log in logs))
+                bench.until(lambda: all('a tactile commission is heard' in log.read_text() for log in logs))
                 bench.until(lambda: not bench.motor.moves)
                 assert bench.motor.directions.count('close') <= 1
                 bench.motor.directions.clear()

@@ -37,10 +37,10 @@ class Measured(NamedTuple):
     """Measured result of one cell."""
 
     cell: Cell
-    rates: dict[str, PercentRate]       #: rate of each contestant
-    by_shape: dict[str, PercentRate]    #: rate of our method for each shape
-    better: str                  #: the better anchor
-    p_value: float               #: p-value of "at most BEHIND worse than the better anchor", for this cell alone
+    rates: dict[str, PercentRate]     #: rate of each contestant
+    by_shape: dict[str, PercentRate]  #: rate of our method for each shape
+    better: str                       #: the better anchor
+    p_value: float                    #: p-value of "at most BEHIND worse than the better anchor", for this cell alone
 
     @property
     def gap(self) -> float:

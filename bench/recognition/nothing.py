@@ -38,10 +38,10 @@ class DisturbanceResult(NamedTuple):
     """Result for one kind of disturbance."""
 
     kind: str
-    called: PercentRate          #: single frames that are reported as one of the five shapes
+    called: PercentRate   #: single frames that are reported as one of the five shapes
     by_shape: dict[Shape, int]
     longest: float        #: longest time for which a stream reports shapes without a break [s]
-    streams: PercentRate         #: sequences in which a stream reports a shape for more than LONGEST
+    streams: PercentRate  #: sequences in which a stream reports a shape for more than LONGEST
 
     @property
     def is_met(self) -> bool:

@@ -36,9 +36,9 @@ MOVE_TIMEOUT = 10.0    #: time allowed for a move of the hand [s]
 ARRIVED = 0.0005       #: distance from the target at which the hand has arrived [m]
 TURNED = 0.005         #: angle from the target at which the hand has arrived [rad]
 STABLE_TIMEOUT = 5.0   #: time allowed after the lift until the grasp is stable [s]
-TRIES = 4              #: largest number of attempts to close, each with an open gripper
+TRIES = 4              #: largest number of attempts to close, each of which begins with an open gripper
 SEEN_TIMEOUT = 20.0    #: time allowed until both pads are seen again [s]
-#: Outcomes after which the gripper opens and closes again, because data of the pads were missing or late for a while.
+#: outcomes after which the gripper opens and closes again, because the data of the pads were missing or late
 UNSEEN = GripperOutcome.NOT_SEEN, GripperOutcome.FORCE_NOT_KNOWN, GripperOutcome.LOST, GripperOutcome.ONE_SIDED
 
 
@@ -66,11 +66,13 @@ def corrected(hand: Transform, left: np.ndarray, midpoint: np.ndarray, correctio
 
 
 class CorrectedGrasp(FirstGrasp):
-    """Planner that also knows the frames of the hand, and decides how to correct the grasp."""
+    """A planner that also knows the pose of the hand, and corrects this pose."""
 
     def __init__(self):
         super().__init__()
-        self._frames, self._ages, self._planner = FrameTree(), InputAge(), Planner()
+        self._frames = FrameTree()
+        self._ages = InputAge()
+        self._planner = Planner()
         self.create_subscription(TFMessage, '/tf', self._on_frames, 100)
 
     def _on_frames(self, message: TFMessage) -> None:
@@ -108,12 +110,14 @@ class CorrectedGrasp(FirstGrasp):
     def move(self, pose: Transform) -> None:
         """Move the hand to a pose, and wait until tf shows that the hand has arrived."""
         target = PoseStamped()
-        target.header.frame_id, at, turn = TABLE, target.pose.position, target.pose.orientation
+        target.header.frame_id = TABLE
+        at, turn = target.pose.position, target.pose.orientation
         at.x, at.y, at.z = map(float, pose.translation)
         turn.x, turn.y, turn.z, turn.w = map(float, Rotation.from_matrix(pose.rotation).as_quat())
         self.hand.publish(target)
         if not self.spin(MOVE_TIMEOUT, lambda: self._is_at(pose)):
-            raise TimeoutError(f'{TARGET}: the hand has not arrived within {MOVE_TIMEOUT:g} s')
+            raise TimeoutError(f'{TARGET}: the hand has not arrived within {MOVE_TIMEOUT:g} s. Check that the '
+                               'simulated gripper runs.')
 
     def _is_at(self, pose: Transform) -> bool:
         rest = self.hand_pose.inverse @ pose

@@ -60,7 +60,8 @@ class NodeFacts:
     emcy_count: int = counter('error messages (EMCY) of the device')
     outages: int = counter('periods without taxels from this node')
     frames_distrusted: int = counter(
-        'taxel frames published without values of this node, because it was not configured (restart or refusal)')
+        'taxel frames published without values of this node, because the node was not configured (restart or refusal), '
+        'or because two devices sent its TPDOs')
     outage_seconds: float = 0.0  #: total duration of the outages [s]
     outage_last_reason: Failure | NodeFault | None = None  #: initial cause of the last outage
     outage_present_reason: Failure | NodeFault | None = None  #: present cause of an ongoing outage

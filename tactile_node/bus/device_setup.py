@@ -27,8 +27,8 @@ SENDING_TIMES = {objects.TRANSMISSION_TYPE: (1, 'transmission type'), objects.IN
                  objects.EVENT_TIMER: (2, 'event timer')}
 
 #: Remedies for a device that does not answer by SDO, with and without a heartbeat during the wait.
-ALIVE_REMEDY = ('Its heartbeat arrives, so power and wiring work. Reduce the load of this machine, which may be '
-                'too slow for the answer, end other programs that send SDO requests to the device, or restart the '
+ALIVE_REMEDY = ('Its heartbeat arrives, so power and wiring work. This machine may be too slow to receive the answer: '
+                'reduce its load. Otherwise, end other programs that send SDO requests to the device, or restart the '
                 'device.')
 ABSENT_REMEDY = 'Check power, wiring, termination, bit rate and node-ID. `tactile scan` lists the nodes of a bus.'
 

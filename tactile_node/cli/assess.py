@@ -31,7 +31,7 @@ from tactile_node.learning.assess import (
     LEAST_TOUCHES,
     Answers,
     Assessment,
-    Gain,
+    Improvement,
     LabelledTouch,
     assess,
     reliability_picture,
@@ -133,23 +133,23 @@ def _check(frames: Sequence[TouchFrame]) -> None:
 def _report(found: Assessment) -> Iterator[str]:
     yield 'As the model is, with 95 % intervals:'
     yield from _table(found.before)
-    if found.gain is None or found.after is None:
+    if found.improvement is None or found.after is None:
         yield f'No adaptation was tried. It needs at least {LEAST_TOUCHES} touches and {LEAST_CLASSES} names.'
         return
     yield 'Adapted, each touch answered by an adaptation that was fitted without it:'
     yield from _table(found.after)
     kept = (f'kept, with temperature {found.adaptation.temperature:.2f}' if found.adaptation
-            else 'not kept, because the gain is too small or too uncertain')
-    yield f'The adaptation improves the Brier score by {found.gain}: {kept}.'
+            else 'not kept, because the improvement is too small or too uncertain')
+    yield f'The adaptation improves the Brier score by {found.improvement}: {kept}.'
 
 
 def _advise(as_it_is: Answers, even: Answers) -> None:
-    """Print that the gains should be measured, if uneven gains clearly explain a part of the errors."""
-    gain = Gain.of(as_it_is, even)
-    if gain.is_worth_it and gain.interval[0] > 0:
-        print(f'Uneven gains cause errors: with the gains that the other touches show, {even.counts().right} touches '
-              f'are right instead of {as_it_is.counts().right}. Measure the gain of each taxel, and give the gains to '
-              'the driver (gain_files, docs/taxel_faults.md).')
+    """Advise the user to measure the gains if uneven gains clearly cause errors."""
+    improvement = Improvement.of(as_it_is, even)
+    if improvement.is_worth_it and improvement.interval[0] > 0:
+        print('Uneven gains cause errors: if the readings are corrected with the gains of the taxels, '
+              f'{even.counts().right} touches are right instead of {as_it_is.counts().right}. Measure the gain of each '
+              'taxel, and give the gains to the driver (gain_files, docs/taxel_faults.md).')
 
 
 def _table(answers: Answers) -> Iterator[str]:

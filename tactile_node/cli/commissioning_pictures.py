@@ -19,7 +19,7 @@ FRAME = PlotArea(760, 220, 70, 20, 12, 24)
 PAD_WIDTH = 380  #: [pixels]
 BLUE, ORANGE, GREEN, VIOLET = POINT_COLOURS
 LINE = np.inf  #: gap of a series that is drawn as a line
-BESIDE = 0.1  #: distance between the point of a pad and the number of the close
+BESIDE = 0.1  #: distance by which the point of a pad is drawn beside the number of its close, so that both are visible
 MARGIN = 0.08  #: margin around the points [share of their range]
 TAXEL_COLOURS = {TaxelFinding.UNKNOWN: (225, 228, 234), TaxelFinding.WORKS: (46, 139, 87),
                  TaxelFinding.FAULTY: (193, 18, 31)}

@@ -218,15 +218,15 @@ class GuardedGripper:
                                     remedy='Stop the other node.')
         if now - self._joint_seen > SILENCE:
             return RefusedStepError(where, Mistake.SWITCHED_OFF, expected='joint states of the gripper', got='none',
-                                    remedy='Switch the gripper on, and start its driver. If it runs, the machine is '
-                                    'too busy.')
+                                    remedy='Switch the gripper on, and start its driver. If the driver runs, reduce '
+                                    'the load of the machine.')
         for number, seen in enumerate(self._pads_seen):
             if now - seen > SILENCE:
                 got = 'frames without values' if len(part.pads[number].times) else 'none'
                 return RefusedStepError(where, Mistake.PADS_SILENT, got=f'{got} for {now - seen:.2f} s',
                                         expected=f'frames of the pad {self._plan.pads[number]!r}', remedy='Start the '
-                                        'driver of the skin. If it runs, read its log; on a busy machine, increase '
-                                        'its sync_period.')
+                                        'driver of the skin. If the driver runs, read its log. On a busy machine, '
+                                        'increase the sync_period of the driver.')
         slack = OUTSIDE * self._plan.travel
         if not self._plan.low - slack <= self._reading <= self._plan.high + slack:
             return RefusedStepError(where, Mistake.OTHER_JOINT, got=f'{self._reading:.3g}',

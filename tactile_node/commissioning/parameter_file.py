@@ -22,7 +22,8 @@ FRAME = 'left_pad_centre'
 SPEED_SHARE = 0.99
 HEAD = '''# Parameters that `tactile commission` has measured. Pass this file with params_file:=.
 # A parameter that is missing here was not measured; the report gives the reason.
-# touch_force is the overshoot that slow_speed and fast_speed allow. gripper_effort presses with the force limit.
+# touch_force is the overshoot for which slow_speed and fast_speed are chosen. With gripper_effort, the gripper presses
+# with the force limit.
 # The poses are relative only: {frame} lies in the middle of the left skin, with z towards the right pad.
 '''
 
@@ -76,7 +77,7 @@ def _add_opening(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found
 def _add_pads(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found: Evaluation,
               plan: CommissioningPlan) -> None:
     if found.is_swapped is None:
-        absent['left_pad, right_pad'] = 'the step pads was not finished'
+        absent['left_pad, right_pad'] = 'the step `pads` was not finished'
     elif found.is_swapped:
         absent['left_pad, right_pad'] = 'the pads are swapped: exchange their names in `pads` of the launch file'
     if mirrored := [name for name, mounting in zip(found.names, found.mountings) if mounting.is_mirrored]:

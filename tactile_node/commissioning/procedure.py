@@ -61,7 +61,7 @@ STALL_TIME = 0.5        #: Duration of the recording of a stall [s].
 FOAM_SHARE = 0.5        #: Force on the foam, as a share of the force limit.
 FOAM_STALLS = 4         #: Smallest number of stalls on the foam.
 FOAM_FACTOR = 1.2       #: Factor between two efforts on the foam.
-SEEN_TIME = 0.1         #: Time in which a joint state arrives [s].
+SEEN_TIME = 0.1         #: Duration of the recording that reads the present position [s].
 STOPPED_TIME = 1.2      #: Duration of the recording after a stop [s].
 PHASES = 0.05           #: Range of the time before a command, so that the phase of the samples varies [s].
 STEP_INCREMENT = 2.5e-5  #: Increment of the commands that find the step of the gripper [m].
@@ -79,8 +79,7 @@ AGE_TIME = 5.0          #: Time over which the age of the frames is observed [s]
 RATE_TIME = 2.0         #: Time over which the rate of the frames is compared with the record [s].
 MOST_RATE_CHANGE = 0.1  #: Largest relative difference of the two rates.
 PROMISED = 1.1          #: Force that is promised to the person, as a multiple of the force at which the foam step ends.
-BLOCK_SHARE = 0.95      #: Largest force on a block, as a share of the force limit, which the last stall may exceed.
-
+BLOCK_SHARE = 0.95      #: Largest commanded force on a block, as a share of the force limit. The pads may read more.
 
 #: End of the request to hold an object.
 UNTIL_HELD = '. After you have consented to the movements, keep holding it until the gripper grips it.'
@@ -164,7 +163,7 @@ class CommissioningProcedure:
                 if name not in self._record and not {kind_of(name), *NEEDED.get(kind_of(name), ())} & set(skip)]
 
     def _check_rates(self) -> None:
-        """Refuse to continue a record if the driver sends frames at another rate, because latencies depend on it."""
+        """Refuse to continue a record if the driver sends frames at another rate, on which the latencies depend."""
         recording = self._gripper.watch(RATE_TIME, 'rest', may_touch=True)
         for name, pad, rest in zip(self._plan.pads, recording.pads, self._record['rest']['pads']):
             rate = float(np.diff(pad.sequences[[0, -1]])[0] / np.diff(pad.times[[0, -1]])[0])
@@ -277,7 +276,7 @@ class CommissioningProcedure:
         return {'noise': noise, 'effort': effort, 'opens_rising': (answer == 'opened') == is_rising}
 
     def _smallest_effort(self) -> tuple[float, bool]:
-        """Return the smallest effort that moves the gripper, and whether the reading of the joint has risen."""
+        """Return the smallest effort that moves the gripper, and True if the reading of the joint has risen."""
         start, way = self._gripper.reading, FIRST_SHARE * self._plan.travel
         is_rising = start < (self._plan.low + self._plan.high) / 2
         effort = FIRST_EFFORT * self._plan.most_effort
@@ -395,7 +394,7 @@ class CommissioningProcedure:
         opening = self._free(self._open_end)
         self._gripper.watch(SEEN_TIME, where, may_touch=True)
         if abs(self._gripper.reading - self._open_end) > FIRST_SHARE * self._plan.travel:
-            self._gripper.consent('opening, so hold what is between the pads', opening, TOUCHED, 1)
+            self._gripper.consent('opening (hold what is between the pads)', opening, TOUCHED, 1)
         self._gripper.move(opening, where, may_touch=True)
 
     def _insert(self, act: Act, text: str, width: float = 0.0) -> None:
@@ -419,7 +418,7 @@ class CommissioningProcedure:
                 'stiffness': stiffness_of(stalls), 'kept': lets_go, 'held': held}
 
     def _squeeze(self) -> list[Stall]:
-        """Return the stalls at rising efforts, each against foam that the gripper has held since the first effort."""
+        """Let the person insert the foam, and return the stalls on the foam at rising efforts."""
         goal = FOAM_SHARE * self._plan.force_limit
         effort = self._record['first movement']['effort']
         self._insert(Act.FOAM, f'Hold the foam between the pads{UNTIL_HELD}')

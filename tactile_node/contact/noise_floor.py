@@ -232,7 +232,7 @@ class NoiseFloor:
     def __init__(self, highest: float = np.inf):
         self._highest = highest
         self.of_frame = UNKNOWN_REST  #: level and deviation at rest, from the latest frame alone
-        #: False if the resting taxels of the latest frame read more than a level at rest can rise from frame to frame
+        #: False if the resting taxels of the latest frame have risen by more than a level at rest can rise in one frame
         self.is_followed = True
         self._last = Resting(0.0, 0.0)
         self._is_first = True

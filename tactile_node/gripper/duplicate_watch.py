@@ -63,8 +63,8 @@ class DuplicateWatch:
         """Error text that names the topics on which another process was heard, or '' if none was heard."""
         topics = self.topics
         return '' if not topics else (
-            f'closing is disabled, because another touch_gripper is heard on {", ".join(topics)}, or a tactile '
-            f'commission: stop one of them (`ros2 topic info -v {topics[0]}` lists them)')
+            f'closing is disabled, because another touch_gripper or a tactile commission is heard on '
+            f'{", ".join(topics)}: stop one of them (`ros2 topic info -v {topics[0]}` lists them)')
 
     @property
     def has_listened(self) -> bool:

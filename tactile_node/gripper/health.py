@@ -44,8 +44,8 @@ def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, w
 
 
 def unserved_text(action: str) -> str:
-    """Return the message for a gripper whose own action has no server."""
-    return f'no server offers {action}: start it, or correct the parameter gripper_action'
+    """Return the text for a gripper whose own action has no server."""
+    return f'no server offers {action}: start the driver of the gripper, or correct the parameter gripper_action'
 
 
 def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp: Grasp | None, age: float,

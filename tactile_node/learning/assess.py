@@ -33,7 +33,7 @@ LEAST_TOUCHES = 24  #: Smallest total number of touches to which an adaptation i
 LEAST_CLASSES = 2
 #: Smallest improvement of the mean Brier score for which an adaptation is kept. If the recogniser is nearly always
 #: right, an adaptation improves the score by less than this, even if the improvement is certain.
-LEAST_GAIN = 0.01
+LEAST_IMPROVEMENT = 0.01
 #: Prior standard deviation of the logarithm of the temperature.
 TEMPERATURE_SPREAD = 0.5
 #: Prior standard deviation of a bias. On simulated skins with gains of up to 6:1 and blur, values of 1 to 4 led to
@@ -70,7 +70,7 @@ class ConfidenceGroup(NamedTuple):
     right: Rate        #: share of correct recognitions
 
 
-class Gain(NamedTuple):
+class Improvement(NamedTuple):
     """Improvement of the Brier score over some touches."""
 
     mean: float   #: mean improvement
@@ -78,15 +78,15 @@ class Gain(NamedTuple):
     touches: int  #: number of touches
 
     @classmethod
-    def of(cls, before: 'Answers', after: 'Answers') -> 'Gain':
+    def of(cls, before: 'Answers', after: 'Answers') -> 'Improvement':
         """Return the improvement of ``after`` over ``before``, which are answers to the same touches."""
         gained = before.scores() - after.scores()
         return cls(float(gained.mean()), float(gained.std(ddof=1) / np.sqrt(len(gained))), len(gained))
 
     @property
     def is_worth_it(self) -> bool:
-        """True if the mean improvement is at least LEAST_GAIN and at least the standard error."""
-        return self.mean >= max(LEAST_GAIN, self.error)
+        """True if the mean improvement is at least LEAST_IMPROVEMENT and at least the standard error."""
+        return self.mean >= max(LEAST_IMPROVEMENT, self.error)
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -145,9 +145,9 @@ class Assessment(NamedTuple):
     #: recognitions by adapted recognisers. Each touch is recognised with an adaptation that was fitted without this
     #: touch.
     after: Answers | None = None
-    gain: Gain | None = None              #: improvement of ``after`` over ``before``
-    kind: str = ''                        #: kind of frame, one of `recogniser.KINDS`
-    adaptation: Adaptation | None = None  #: adaptation to the skin, or None if none is kept
+    improvement: Improvement | None = None  #: improvement of ``after`` over ``before``
+    kind: str = ''                           #: kind of frame, one of `recogniser.KINDS`
+    adaptation: Adaptation | None = None     #: adaptation to the skin, or None if none is kept
 
 
 def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Assessment:
@@ -184,8 +184,9 @@ def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Ass
         for k, answer in zip(held_out, _answers(adapted, [touches[k] for k in held_out])):
             found[k] = answer
     after = Answers(labels, found)
-    gain = Gain.of(before, after)
-    return Assessment(before, after, gain, examples.kind, examples.fitted() if gain.is_worth_it else None)
+    improvement = Improvement.of(before, after)
+    return Assessment(before, after, improvement, examples.kind,
+                      examples.fitted() if improvement.is_worth_it else None)
 
 
 def with_and_without_gains(recogniser: ShapeRecogniser, labels: Sequence[ShapeClass],

@@ -53,12 +53,14 @@ def with_even_gains(frames: Sequence[TouchFrame]) -> list[np.ndarray]:
     """Return the readings of each frame above the level at rest, divided by the gains that the other frames show.
 
     A frame does not contribute to its own gains, because its own deviations include more than the gains. The gain of a
-    taxel that is seldom touched is drawn towards 1, in proportion to the uncertainty of the gain.
+    taxel that is seldom touched is shrunk towards 1, because the gain is uncertain.
+
+    Here, the gain is the sensitivity of a taxel. The driver's gain is its reciprocal, and multiplies the reading.
 
     Parameters
     ----------
     frames : Sequence[TouchFrame]
-        One frame of each touch, with pressures. `measure_skin` finds a spread of the gains above 0.
+        One frame of each touch, with pressures. `measure_skin` must have found a spread of the gains above 0.
 
     Returns
     -------

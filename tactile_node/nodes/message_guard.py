@@ -39,7 +39,7 @@ class ChainMessage(AgedMessage, Protocol):
 class MessageGuard(Generic[Message]):
     """Checks and counts the messages of one topic, and calls the function that processes them.
 
-    `GuardedSubscription` and `StageInput` are the guards that receive the messages.
+    The subclasses `GuardedSubscription` and `StageInput` receive the messages.
 
     Messages that cannot be used are dropped, counted by reason and logged. If the processing function raises an
     exception, the guard logs the traceback and counts the message as PROCESSING_FAILED.

@@ -112,8 +112,8 @@ class TopicSource(ViewSource):
         if not topics:
             rclpy.try_shutdown()
             raise ConfigurationError(f'topics below {self._root}', expected='<pad>/taxels of a running driver',
-                                     got='none', remedy='Start the driver, or name the pads with --pads. '
-                                            'For a bus, use --interface.')
+                                     got='none', remedy='Start the driver, or name the pads with --pads. For a bus, '
+                                     'use --interface.')
         return sorted(topic.removeprefix(self._root).rpartition('/')[0] for topic in topics)
 
 
@@ -138,7 +138,8 @@ class _PadTopics:
         self._pad, self._store = pad, store
         self._taxels: OrderedDict[FrameKey, tuple[TaxelArray, float]] = OrderedDict()
         self._contacts: OrderedDict[FrameKey, Contact] = OrderedDict()
-        self._shape_came, self._shown = -math.inf, -math.inf
+        self._shape_came = -math.inf  # time when the last shape arrived, on the steady clock [s]
+        self._shown = -math.inf  # time of the last update of the display, on the steady clock [s]
         qos = frames_qos(VIEW_QUEUE_DEPTH)
         self._subscription = GuardedSubscription(node, TaxelArray, f'{root}/taxels', self._on_taxels, qos,
                                                  check=check_taxel_array)

@@ -215,14 +215,14 @@ def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
 
 def _deviations(values: np.ndarray, mask: np.ndarray, near: np.ndarray, of_contact: np.ndarray, *,
                 noise: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the standard deviation of the sum over a contact and its ring, and of each taxel's part in the contact.
+    """Return the standard deviation of the sum over a contact and its ring, and of each taxel's share in the contact.
 
     ``near`` marks the taxels of the contact and of its ring. One part of a standard deviation is the noise of the
     values. The other part arises because a taxel near its threshold may belong to the contact in one frame and not in
-    the next. The sum counts such a taxel in both frames, so this part does not concern the sum. The thresholds are
-    estimated from the lowest reading in the contact and the highest reading in the ring. Because of hysteresis, a taxel
-    leaves the contact at or below the smaller of these two readings, and a taxel of the ring enters the contact at or
-    above the larger one.
+    the next. The sum counts such a taxel in both frames, so its standard deviation does not contain this part. The
+    thresholds are estimated from the lowest reading in the contact and the highest reading in the ring. Because of
+    hysteresis, a taxel leaves the contact at or below the smaller of these two readings, and a taxel of the ring enters
+    the contact at or above the larger one.
 
     A filled taxel is given the variance of the contact's values. An invalid taxel in the ring is assumed to be pressed
     or not pressed with equal probability.

@@ -135,7 +135,7 @@ def _node_findings(now: NodeFacts, before: NodeFacts, is_active: bool) -> list[F
         texts.append(f'node {now.node_id}: {now.emcy_last}')
     if now.frames_distrusted > before.frames_distrusted:
         texts.append(f'{now.frames_distrusted - before.frames_distrusted} taxel frames without values, because the '
-                     'node was not configured')
+                     'node was not configured, or because two devices sent its TPDOs')
     return findings + [Finding(DiagnosticStatus.WARN, one) for one in texts]
 
 

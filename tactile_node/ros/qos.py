@@ -1,5 +1,4 @@
-"""QoS profiles of this package's topics, which are reliable so that RViz and any other subscriber can read them.
-"""
+"""QoS profiles of this package's topics, which are reliable so that RViz and any other subscriber can read them."""
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
@@ -30,4 +29,3 @@ def frames_qos(depth: int, lossless: bool = False, best_effort: bool = False) ->
                           durability=DurabilityPolicy.TRANSIENT_LOCAL)
     return QoSProfile(reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
                       depth=depth)
-

@@ -142,7 +142,7 @@ class SupervisedNode:
             return error
         return DeviceAbsentError(error.where, expected=error.expected,
                                  got=f'{error.got} while this process is overloaded',
-                                 remedy='Reduce the load of this machine first: the answer may have come too late.')
+                                 remedy='Reduce the load of this machine first: the answer may have arrived too late.')
 
     def _carry_out(self, action: Action, is_sending: bool) -> None:
         match action:

@@ -114,7 +114,7 @@ class BagRecording:
 class LogRecording:
     """A CAN log.
 
-    The recording withholds the frames of a pad as soon as the device set-up in the log contradicts the layout or EDS.
+    The recording yields no further frames of a pad once the device set-up in the log contradicts the layout or EDS.
 
     Parameters
     ----------
