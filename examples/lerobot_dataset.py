@@ -26,6 +26,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactile_node.errors import TactileError
+
 FILL = -1e6            #: value under the mask
 NO_STAMP = -1          #: stamp of a lost acquisition
 SECOND = 10**9         #: [ns]
@@ -222,7 +224,11 @@ def main() -> int:
     parser.add_argument('--window', type=int, default=4, help='acquisitions in a window (default: %(default)s)')
     parser.add_argument('--task', default='hold the object', help='task of the episode (default: %(default)s)')
     args = parser.parse_args()
-    frames = list(frames_of(read(args.bag), args.fps, args.window))
+    try:
+        frames = list(frames_of(read(args.bag), args.fps, args.window))
+    except TactileError as error:
+        print(f'lerobot_dataset: {error}', file=sys.stderr)
+        return 2
     write(frames, args.folder, args.fps, args.task)
     different = compare(frames, args.folder)
     lost = sum(int((frame[name] == NO_STAMP).sum()) for frame in frames for name in frame if name.endswith('.stamp'))
