@@ -277,6 +277,10 @@ class World(Watch):
         return stack
 
     def _start(self, stack: ExitStack) -> None:
+        # Without a collection, each earlier world keeps its participant of the middleware, with eight threads. If there
+        # are too many participants, the middleware does not discover a new process.
+        gc.unfreeze()
+        gc.collect()
         self.context = Context()
         rclpy.init(context=self.context)
         stack.callback(self.context.try_shutdown)
