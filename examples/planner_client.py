@@ -34,7 +34,7 @@ SLIDES = 3                   # ContactMotion.ALONG_X and ALONG_Y
 # Pressure per depth of the skin [Pa/m]. If the value is too high, the corrections of the tilt are too small.
 STIFFNESS = 25e6
 FLUSH = 0.015                # largest tilt that does not show which way a face leans, if the face may be a dome [rad]
-FLAT_FLUSH = 0.005           # the same for a face with corners, which is flat [rad]
+FLAT_FLUSH = 0.005           # largest such tilt of a flat face, which has corners [rad]
 CORNERED = (4, 5, 6, 7)      # ContactShape.SQUARE, RECTANGLE, RIGHT_TRIANGLE, ISOSCELES_TRIANGLE
 WATCHDOG_PERIOD = 0.02       # period of the watchdog [s]
 REPORT_PERIOD = 0.5          # period of reports while the action is unchanged [s]

@@ -23,7 +23,10 @@ class Codes:
     NOT_KNOWN, UNSEEN, NO_CONTACT, ONE_SIDED, TWO_SIDED = range(5)
 
 
-CIRCLE, SQUARE, OTHER, UNKNOWN = 3, 4, 8, 2
+UNKNOWN = 2
+CIRCLE = 3
+SQUARE = 4
+OTHER = 8
 MOTIONS = {name: [SimpleNamespace(moving=1, observable=1), SimpleNamespace(moving=moving, observable=observable)]
            for name, moving, observable in (('still', 1, 2), ('slides', 2, 3), ('not known', 0, 3), ('blind', 1, 0),
                                          ('turns would show', 1, 4))}

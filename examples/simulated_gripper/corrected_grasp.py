@@ -18,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 
 from examples.grasp_loop import GraspLoop, Order
 from examples.planner_client import Correction, Planner, asked_for
-from examples.simulated_gripper.first_grasp import LISTENING, START_TIMEOUT, FirstGrasp
+from examples.simulated_gripper.first_grasp import LISTENING, FirstGrasp
 from examples.simulated_gripper.hand_interface import HAND, TABLE, TARGET
 from tactile_node.grasp.gripper import FrameTree, Transform
 from tactile_node.ros.grasp_checks import check_grasp
@@ -171,9 +171,7 @@ def main() -> int:
 
 
 def _run(planner: CorrectedGrasp) -> int:
-    if not planner.spin(START_TIMEOUT, lambda: not planner.missing()):
-        print(f'corrected_grasp: expected {" and ".join(planner.missing())}, found none. Start the missing programs: '
-              'docs/howto/simulated_gripper.md', file=sys.stderr)
+    if not planner.finds_programs('corrected_grasp'):
         return 2
     planner.spin(LISTENING)
     problem = grasped(planner)

@@ -60,6 +60,14 @@ class FirstGrasp(Node):
             rclpy.spin_once(self, timeout_sec=0.05)
         return done
 
+    def finds_programs(self, program: str) -> bool:
+        """Wait for the other programs, and print which are missing. ``program`` is the name of this one."""
+        if self.spin(START_TIMEOUT, lambda: not self.missing()):
+            return True
+        print(f'{program}: expected {" and ".join(self.missing())}, found none. Start the missing programs: '
+              'docs/howto/simulated_gripper.md', file=sys.stderr)
+        return False
+
 
 def main() -> int:
     rclpy.init()
@@ -70,9 +78,7 @@ def main() -> int:
 
 
 def _grasp(planner: FirstGrasp) -> int:
-    if not planner.spin(START_TIMEOUT, lambda: not planner.missing()):
-        print(f'first_grasp: expected {" and ".join(planner.missing())}, found none. Start the '
-              'missing programs: docs/howto/simulated_gripper.md', file=sys.stderr)
+    if not planner.finds_programs('first_grasp'):
         return 2
     print(f'first_grasp: closing in {LISTENING:g} s', flush=True)
     planner.spin(LISTENING)

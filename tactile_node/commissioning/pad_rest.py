@@ -34,10 +34,9 @@ def measure_rest(frames: PadFrames) -> PadRest | None:
     noise = Estimate(float(np.sqrt(np.mean(alive ** 2))), float(np.std(alive, ddof=1) / np.sqrt(alive.size))) \
         if alive.size > 1 else NOT_MEASURED
     sent = int(frames.sequences[-1] - frames.sequences[0]) + 1
-    seconds = float(frames.times[-1] - frames.times[0])
     drift = _drift(frames.times[is_known], np.nanmean(forces[is_known][:, each > 0], axis=1)) \
         if alive.size else NOT_MEASURED
-    return PadRest(noise, drift, (sent - 1) / seconds, 1 - np.count_nonzero(is_known) / sent, zero)
+    return PadRest(noise, drift, frames.rate, 1 - np.count_nonzero(is_known) / sent, zero)
 
 
 def _drift(times: np.ndarray, means: np.ndarray) -> Estimate:

@@ -166,9 +166,8 @@ class CommissioningProcedure:
         """Refuse to continue a record if the driver sends frames at another rate, on which the latencies depend."""
         recording = self._gripper.watch(RATE_TIME, 'rest', may_touch=True)
         for name, pad, rest in zip(self._plan.pads, recording.pads, self._record['rest']['pads']):
-            rate = float(np.diff(pad.sequences[[0, -1]])[0] / np.diff(pad.times[[0, -1]])[0])
-            if abs(rate / rest['rate'] - 1) > MOST_RATE_CHANGE:
-                raise RefusedStepError(f'pad {name!r}', Mistake.OTHER_RATE, got=f'{rate:.1f}',
+            if abs(pad.rate / rest['rate'] - 1) > MOST_RATE_CHANGE:
+                raise RefusedStepError(f'pad {name!r}', Mistake.OTHER_RATE, got=f'{pad.rate:.1f}',
                                        expected=f'{rest["rate"]:.1f} frames per second, as in the record',
                                        remedy='Start the driver with the settings of the record, or begin again in '
                                        'another folder.')
@@ -359,7 +358,7 @@ class CommissioningProcedure:
     def _step(self) -> dict[str, Any]:
         """Command small increments, at rest after each, and find the levels at which the gripper stays.
 
-        The results are empty if the levels cannot be told apart.
+        The results are empty if the levels cannot be distinguished.
         """
         self._clear('step')
         law = self._found.law

@@ -22,6 +22,11 @@ class PadFrames(NamedTuple):
     forces: np.ndarray     #: force on each taxel, (K, rows, cols) [N]; NaN if unknown
 
     @property
+    def rate(self) -> float:
+        """Frames per second, including lost frames. There must be at least two frames."""
+        return float((self.sequences[-1] - self.sequences[0]) / (self.times[-1] - self.times[0]))
+
+    @property
     def mean(self) -> np.ndarray:
         """Mean of the known forces on each taxel, (rows, cols) [N]; NaN if a taxel has no value in any frame."""
         known = np.isfinite(self.forces).sum(0)
