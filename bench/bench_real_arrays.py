@@ -1,11 +1,16 @@
 """Measure how well the recogniser with default settings recognises contacts on real arrays.
 
-    python bench/bench_real_arrays.py --tekscan DIR --weiss DIR --vitac DIR [--labels FILE] [--weights FILE] [--network]
+    python bench/bench_real_arrays.py --tekscan DIR --weiss DIR --vitac DIR --blocks DIR [--labels FILE]
+        [--weights FILE] [--network]
 
 Each DIR is a local copy of a public repository: TaISLab/CNN-based-Methods-for-Tactile-Object-Recognition,
-peter-kiechle/tactile-sensors or jsheng45/ViTac-Tactile-Sensing. The script prints one line for each missing copy. Each
-row of the table covers one visible class on one array. The intervals are computed by bootstrap over objects, so that
-all pads of a grasp stay together.
+peter-kiechle/tactile-sensors, jsheng45/ViTac-Tactile-Sensing, or the branch Applications of
+aidanmohammed-ali/Tactile-Skin. The script prints one line for each missing copy. Each row of the table covers one
+visible class on one array. The intervals are computed by bootstrap over objects, so that all pads of a grasp stay
+together. The blocks are one object. Their intervals are computed over the frames, and are therefore too narrow.
+
+The frames of the blocks are read in three ways: each frame as a file of its own, all frames with an idle frame of zeros
+before each, and all frames as one stream.
 """
 
 import argparse
@@ -21,7 +26,18 @@ sys.path.insert(0, str(ROOT))
 
 from bench.recognition.figures import calibration_error
 from bench.recognition.page import Table
-from bench.recognition.real_frames import LABELS, TEKSCAN, UNDECIDABLE, VITAC, WEISS, Labelled, read_frames, read_labels
+from bench.recognition.real_frames import (
+    BLOCKS,
+    LABELS,
+    TEKSCAN,
+    UNDECIDABLE,
+    VITAC,
+    WEISS,
+    Labelled,
+    read_frames,
+    read_labels,
+    read_whole_blocks,
+)
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import make_recogniser
@@ -56,12 +72,27 @@ class Answer(NamedTuple):
 
 
 def answers(labelled: list[Labelled], data: Path, weights: str, network: bool) -> list[Answer]:
-    recogniser = make_recogniser(file=weights)
-    if network:
-        recogniser = recogniser._method  # keep only the network, without the rules that run before it
+    recogniser = _recogniser(weights, network)
     frames = read_frames(labelled[0].array, data, [one.frame for one in labelled])
     return [Answer(one, recogniser.recognise(PatternExtractor().extract(frame)))
             for one, frame in zip(labelled, frames)]
+
+
+def block_answers(frames: list[np.ndarray], weights: str, network: bool) -> dict[str, list[Answer]]:
+    """Return the answers for frames of a square block, for each of the three ways to read the frames."""
+    one_stream, with_idle = PatternExtractor(), PatternExtractor()
+    patterns = {'a file each': [], 'an idle frame before each': [], 'one stream': []}
+    for frame in frames:
+        patterns['a file each'].append(PatternExtractor().extract(frame))
+        with_idle.extract(np.zeros_like(frame))
+        patterns['an idle frame before each'].append(with_idle.extract(frame))
+        patterns['one stream'].append(one_stream.extract(frame))
+    found = {}
+    for way, of_way in patterns.items():
+        recogniser = _recogniser(weights, network)
+        found[way] = [Answer(Labelled('blocks', f'{number}/frame', Shape.SQUARE.value, Shape.SQUARE.value),
+                             recogniser.recognise(pattern)) for number, pattern in enumerate(of_way)]
+    return found
 
 
 def interval(found: list[Answer]) -> tuple[float, float]:
@@ -104,6 +135,12 @@ def calibration(found: list[Answer]) -> tuple[float, float]:
     return calibration_error(confidence, right, BINS), float(np.log(given).mean())
 
 
+def _recogniser(weights: str, network: bool):
+    recogniser = make_recogniser(file=weights)
+    # without the rules, only the network answers
+    return recogniser._method if network else recogniser
+
+
 def _percent(part: int, whole: int) -> str:
     return f'{100 * part / max(whole, 1):.0f} %'
 
@@ -112,11 +149,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     for array, place in PLACES.items():
         parser.add_argument(f'--{array}', type=Path, help=f'folder with {place}')
+    parser.add_argument('--blocks', type=Path, help=f'folder with {BLOCKS}')
     parser.add_argument('--labels', type=Path, default=LABELS)
     parser.add_argument('--weights', default='', help='model to use instead of config/recogniser.npz')
     parser.add_argument('--network', action='store_true', help='skip the rules that run before the network')
     args = parser.parse_args()
-    every = read_labels(args.labels)
+    every, weights = read_labels(args.labels), config_path(args.weights) if args.weights else ''
     table = Table('Real arrays', f'largest visible contact, frame by frame; sure: confidence {SURE} or more',
                   ['array', 'visible', 'frames', 'right', '95 %', 'no name', 'sure', 'sure and wrong'])
     lines = []
@@ -128,12 +166,18 @@ def main() -> int:
         of_array = [one for one in every if one.array == array]
         labelled = [one for one in of_array if one.label != UNDECIDABLE]
         agree = sum(one.first == one.second for one in of_array)
-        found = answers(labelled, data, config_path(args.weights) if args.weights else '', args.network)
+        found = answers(labelled, data, weights, args.network)
         for row in rows_of(array, found):
             table.add(*row)
         error, score = calibration(found)
         lines += [f'{array}: both raters agree on {agree} of {len(of_array)} frames; calibration error '
                   f'{100 * error:.1f} %, log score {score:.2f}', f'{array} by object: {worst_objects(found)}']
+    if args.blocks is None or not (args.blocks / BLOCKS).exists():
+        print(f'blocks: not measured; --blocks needs a folder with {BLOCKS}')
+    else:
+        for way, found in block_answers(read_whole_blocks(args.blocks), weights, args.network).items():
+            for row in rows_of(f'blocks, {way}', found):
+                table.add(*row)
     if table.rows:
         print('\n'.join([table.plain(), '', *lines]))
     return 0

@@ -3,12 +3,14 @@
 This repository stores only the labels of the frames.
 
 A label names the largest visible contact. Two raters (vision models) labelled the frames independently, from pictures
-without names. The file bench/recognition/labels/real_arrays.csv contains the labels.
+without names. The file bench/recognition/labels/real_arrays.csv contains the labels. The frames of the square block
+need no raters, because a camera measured where the block lay.
 """
 
 import bz2
 import csv
 import io
+import json
 import re
 import zipfile
 from collections.abc import Iterator
@@ -22,6 +24,8 @@ TEKSCAN = 'Tactile_Images_Dataset.zip'  #: In TaISLab/CNN-based-Methods-for-Tact
 WEISS = 'python/classification/training_grasp_profiles_thesis'  #: In peter-kiechle/tactile-sensors.
 VITAC = 'Data'        #: In jsheng45/ViTac-Tactile-Sensing.
 VITAC_PAD = (12, 32)  #: Number of rows and columns of a frame.
+BLOCKS = 'ROS2/block_position_prediction/data_set'  #: In aidanmohammed-ali/Tactile-Skin, branch Applications.
+BLOCK_PAD = (8, 16)   #: Number of rows and columns of a frame.
 
 #: Numbers of rows and columns of the Weiss hand's pads, in the order in which a frame contains the pads.
 PADS = ((14, 6), (13, 6)) * 3
@@ -66,6 +70,24 @@ def read_frames(array: str, data: Path, names: list[str]) -> Iterator[np.ndarray
             yield np.loadtxt(data / file, delimiter=',')[int(number)].reshape(VITAC_PAD)
         else:
             yield peak_frame(data / WEISS / file, int(number))
+
+
+def read_whole_blocks(data: Path) -> list[np.ndarray]:
+    """Return the frames (rows, cols) [0 to 1] in which a square block of 24 mm lies on the array as a whole.
+
+    The frames are in the order of the recording. The corners of the block are given in taxels, and the centre of the
+    first taxel is (0, 0).
+    """
+    found, ends = [], np.array(BLOCK_PAD)[::-1] - 0.5
+    for path in sorted((data / BLOCKS).glob('*/labels.jsonl')):
+        for line in path.read_text(encoding='utf-8').splitlines():
+            sample = json.loads(line)
+            if sample['annotation'] is None:
+                continue
+            corners = np.array(sample['annotation']['footprint_corners_taxel'])
+            if (corners >= -0.5).all() and (corners <= ends).all():
+                found.append(np.array(sample['input']['values'], float).reshape(BLOCK_PAD))
+    return found
 
 
 def peak_frame(path: Path, pad: int) -> np.ndarray:

@@ -28,8 +28,8 @@ THREE = of('ours, %', 'CNN, %', 'contours + trees, %')
 KNOWN = (
     View('Real arrays', 'The recogniser as shipped answers each frame separately, without options, for the largest '
          'visible contact (`python bench/bench_real_arrays.py --tekscan TACTILE_OBJECT_RECOGNITION --weiss '
-         'TACTILE_SENSORS --vitac VITAC`). *Sure* is the number of frames with a name at a confidence of 0.9 or more. '
-         'For an object that is none of the five, every such name is wrong.',
+         'TACTILE_SENSORS --vitac VITAC --blocks TACTILE_SKIN`). *Sure* is the number of frames with a name at a '
+         'confidence of 0.9 or more. For an object that is none of the five, every such name is wrong.',
          'Real arrays', ('array', 'visible'), names('frames', 'right, %', 'no name, %', 'sure', 'sure and wrong')),
     View('Real recordings', 'These are on/off recordings of a ring and of a square by the National University of '
          'Singapore (NUS). The frames were labelled by hand, and no training has used them. Each cell shows the '
