@@ -4,9 +4,10 @@ Run from the checkout: nice python bench/bench_put_down.py [touches taken edge q
 
 Each result is appended to the file. A repeated call continues where the file ends, and prints the table of all results.
 
-- touches: the hand lowers an object onto a table, and goes on until the stop.
-- taken: the hand stops once the table carries the whole weight, and never pushes.
-- edge: the object meets the edge of a table beside the hand, and turns in the hand. Its outline is fitted.
+- touches: the hand lowers an object onto a table, and continues until the detected touch stops the arm.
+- taken: the hand stops once the table carries the whole weight, so it never pushes the object onto the table.
+- edge: the object meets the edge of a table beside the hand, and turns in the hand. The outline of the contact is
+  fitted.
 - quiet: the hand carries objects. No outline is fitted. Each left pad is then paired with each right pad, because the
   noise of both is independent, so that few simulated contacts make many minutes.
 - turning: the same with a fitted outline, so that angles are known.

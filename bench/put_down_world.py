@@ -18,8 +18,9 @@ from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.shape.methods import VisibilityGuard
 
 FRICTION = 0.5      #: Load along a pad at which the object slips [normal force].
-STIFFNESS = 5000.0  #: Force on the table per way of the hand: skins, fingers and arm together [N/m].
-GRIP = 5.0          #: Normal force of each pad [N].
+#: Force on the table per metre by which the hand moves: the skins, the fingers and the arm yield together [N/m].
+STIFFNESS = 5000.0
+GRIP = 5.0  #: Normal force of each pad [N].
 #: Lever of the friction in a contact that turns [m]: two thirds of the radius of a round contact of 28 taxels.
 TURN_LEVER = 0.004
 

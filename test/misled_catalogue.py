@@ -175,7 +175,8 @@ def object_creeps(period: float = PERIOD) -> list[Finding]:
 def object_creeps_slowly() -> list[Finding]:
     """The object slides at 0.05 mm/s for a minute.
 
-    The grasp is stable, so a message that reports it as not stable is false.
+    A grasp stays stable up to ``max_creep``, which is ten times this speed. A message that reports the grasp as not
+    stable is therefore false.
     """
     with World({'speed': 0.05e-3}) as world:
         world.hold()

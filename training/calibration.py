@@ -68,8 +68,8 @@ def validation_solutions(folder: Path) -> list[Solution]:
 
 
 def mechanics_samples(rng: np.random.Generator, folder: Path) -> Samples:
-    """Draw clean contacts computed by contact mechanics, under conditions that are common in grips. The areas are
-    log-uniform."""
+    """Draw contacts from contact mechanics, with the pressures, the noise and the share of dead taxels that are common
+    in a gripper. The areas are log-uniform."""
     solutions = validation_solutions(folder)
     found = []
     while len(found) < FRAMES:

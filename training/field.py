@@ -35,7 +35,7 @@ class Conditions:
     #: fraction of taxels stuck at 0 or at the contact's pressure, but not known to be stuck
     stuck: float = 0.0
     silent_lines: int = 0         #: number of adjacent rows or columns that are silent but not known to be silent
-    silent_places: int = 1        #: number of separate silent bands of rows or columns on the contact
+    silent_places: int = 1        #: number of silent bands across the contact; bands may overlap
 
     #: fraction of rows and columns in which some taxels are silent, but not known to be silent
     poor_lines: float = 0.0
@@ -120,7 +120,7 @@ def _cut(rng, covered: np.ndarray, values: np.ndarray, most: float) -> np.ndarra
 
 
 def _with_second(rng, values: np.ndarray, area: float, conditions: Conditions, analog: bool) -> np.ndarray:
-    """Add another contact of any class at least ``gap`` away from the first contact, if the pad has room for it."""
+    """Add a second contact of any class about ``gap`` away from the first contact. It may lie partly beyond the pad."""
     wide = np.pad(values, PAD // 2)
     room = ndimage.distance_transform_edt(wide == 0)
     other = random_contact(rng, CLASSES[rng.integers(len(CLASSES))], area * conditions.second, rows=4, cols=4)

@@ -1,6 +1,7 @@
 """Draw foreign figures for validation only.
 
-These figures show how well the recogniser rejects families on which it was not trained.
+The validation uses these figures to measure how well the recogniser rejects kinds of figures that the training does not
+contain.
 """
 
 import numpy as np

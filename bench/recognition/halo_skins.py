@@ -135,7 +135,8 @@ def _corrected(skin: HaloSkin, frames: list[np.ndarray], gains: np.ndarray) -> l
     return [PatternExtractor().extract((frame - skin.rest) / gains) for frame in frames]
 
 
-#: Patterns of a skin's frames, which show one contact after another. The last argument is the measured gains.
+#: Ways of reading the frames of a skin, by name. Each function takes the skin, its frames (one contact in each) and the
+#: measured gains, and returns the pattern of each frame.
 READINGS: dict[str, Callable[[HaloSkin, list[np.ndarray], np.ndarray], list[ContactPattern]]] = {
     'each frame alone': _alone, 'an idle frame before each': _after_idle, 'one stream': _stream,
     'tared': _tared, 'tared, with gains': _corrected}

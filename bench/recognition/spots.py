@@ -91,7 +91,7 @@ def frame(cell: Cell, kind: str, rng: np.random.Generator) -> np.ndarray:
 
 
 def contact_in(cell: Cell, kind: str, rng: np.random.Generator) -> tuple[Contact, int]:
-    """Draw a contact, and return the contact with the side of a square pad that is large enough [taxels]."""
+    """Draw a contact. Return the contact, and the side length of a square pad that has room for it [taxels]."""
     drawn = random_contact(rng, kind, float(np.exp(rng.uniform(*np.log(AREAS)))))
     dimensions = _dimensions(cell, drawn)
     angle = drawn.angle if cell.angle is None else np.radians(cell.angle) + np.pi / 2 * rng.integers(4)

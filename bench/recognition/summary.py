@@ -56,8 +56,8 @@ KNOWN = (
          ('area',), across('frames', of('ours', 'CNN', 'contours + trees'))))
 FAULTS = (
     View('By noise and by faults of the skin', 'In each row, one condition differs from the nominal conditions. Each '
-         'cell has {patterns} contacts. The columns are areas. Each cell shows the share that our method recognises, '
-         'on/off / pressures.',
+         'cell has {patterns} contacts. The columns are areas. Each cell shows two shares of contacts that our '
+         'method recognises: first with on/off frames, then with pressures.',
          'Field conditions', ('condition',), across('area', of('ours, %'))),
     View('Skins with a halo', 'The cover of these computed skins carries load sideways, so that the taxels next to a '
          "contact also respond. The columns are these readings, in per cent of the contact's level. The gains of the "

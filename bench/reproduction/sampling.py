@@ -44,7 +44,11 @@ class Task(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Features of the planes, over all 46 angles and over only the angles that keep at least half of the taxels."""
+    """Features that the paper's planes use.
+
+    ``every`` covers all 46 rotation angles. ``kept`` covers only the angles at which the rotated pattern still has at
+    least half of its taxels.
+    """
 
     every: Samples
     kept: Samples

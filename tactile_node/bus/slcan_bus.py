@@ -63,8 +63,8 @@ class BulkSlcanBus(slcanBus):
         of them.
     """
 
-    # In the protocol (CAN232), S7 is 800 kbit/s, a bit rate of CiA 301. python-can instead uses the 750 kbit/s of the
-    # CANable.
+    # In the slcan protocol (CAN232), the command S7 sets 800 kbit/s, which is a bit rate of CiA 301. python-can maps S7
+    # to 750 kbit/s, as the CANable adapter does.
     _BITRATES = slcanBus._BITRATES | {800_000: 'S7'}
 
     def __init__(self, channel: str, bitrate: int | None = None, sleep_after_open: float | None = None,

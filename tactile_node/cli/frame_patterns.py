@@ -84,7 +84,7 @@ def thresholds(args: argparse.Namespace) -> PressThresholds | None:
         return PressThresholds.of_full_scale(args.full_scale, PRESS_FRACTION if args.press is None else args.press,
                                              args.release)
     if args.press is not None or args.release is not None:
-        raise InputError('thresholds', expected='--full-scale with --press or --release', got='no full scale',
+        raise InputError('thresholds', expected='--full-scale with --press or --release', got='no --full-scale',
                          remedy='Give the largest value that a taxel can have as --full-scale, or leave all three '
                          'options out.')
     return None

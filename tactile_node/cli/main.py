@@ -38,7 +38,7 @@ COMMANDS = (
 )
 FIRST_COMMANDS = 11
 
-#: Command that runs ROS nodes. The nodes use their own handler to forward log messages to /rosout and stderr.
+#: Command that runs ROS nodes. The nodes forward log messages to /rosout and stderr, so `tactile` adds no handler.
 RUNS_NODES = 'bringup'
 
 #: Modules without which a command is of no use. The help text lists the missing ones.

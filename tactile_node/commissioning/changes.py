@@ -105,7 +105,8 @@ def _correlation(first: CommissioningRecord, check: CommissioningRecord, then: i
     zeros = _zeros(first, check, then, now)
     for record, pad, zero in ((first, then, zeros[0]), (check, now, zeros[1])):
         rest = record['rest']['pads'][pad]
-        error = rest['noise'][0] / np.sqrt(rest['rate'])  # error of a mean over at least one second
+        # upper bound of the standard error of a taxel's zero, which is a mean over at least one second [N]
+        error = rest['noise'][0] / np.sqrt(rest['rate'])
         if zero.size < 2 or not zero.std() > CLEAR_PATTERN * error:
             return float('nan')
     return float(np.corrcoef(*zeros)[0, 1])

@@ -24,7 +24,7 @@ from tactile_node.commissioning.taxel_survey import TaxelFinding
 KEPT_SHARE = 0.7        #: Share of the force on foam that must remain after a stop.
 HELD_SHARE = 0.8        #: Share of the force that must remain without commands.
 MOST_NOISE = 0.01       #: Largest noise of a taxel [N].
-MOST_DRIFT = 0.01       #: Largest drift of a taxel in five minutes [N].
+MOST_DRIFT = 0.01       #: Largest allowed drift of a taxel in five minutes [N].
 MOST_LOST = 0.05        #: Largest share of lost frames.
 MOST_LATENCY = 0.5      #: Largest time from a stop to standstill [s].
 MOST_CHORD_ERROR = 2e-4  #: Largest error of a linear law that stands for a knuckle [m].

@@ -108,8 +108,9 @@ class GuardedGripper:
         Raises
         ------
         RefusedStepError
-            Raised if another client commands the gripper, if the joint states end or cannot be those of the gripper,
-            or if the pads are touched although ``may_touch`` is False. The gripper is stopped first.
+            Raised if another client commands the gripper, if joint states or frames stop arriving, if the joint is
+            outside its limits, if the force is too high, or if the pads are touched although ``may_touch`` is False.
+            The gripper is stopped first.
         """
         parts: list[Recording] = []
         begun = self.now()

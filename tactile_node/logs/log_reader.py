@@ -130,7 +130,7 @@ class CanLogReader:
     Notes
     -----
     A CAN frame is dropped and counted as unread if its stamp is far from those of its neighbours. If a full disk or an
-    incomplete download cut the log short, the intact part is read, and ``summary`` reports where it ends.
+    incomplete download cut the log short, the intact part is read, and ``summary`` reports the last stamp.
     """
 
     def __init__(self, path: str | Path, channel: str = '', window: TimeWindow = WHOLE):

@@ -176,8 +176,8 @@ class GraspRequests:
               refused: RefusedRequirementError | None = None) -> None:
         """Set the outcome of ``answer``, and either the unmet conditions or the reason of a refusal.
 
-        If `grasp` has several publishers, the message also names them, because a client that compares this answer with
-        the topic may then see a grasp of another node.
+        If the topic `grasp` has several publishers, ``answer.message`` also names the publishers. A client that
+        compares the answer with the topic may otherwise not know that the topic carries the grasps of another node.
         """
         answer.outcome, answer.refusal = outcome, int(refused.refusal if refused else RequirementRefusal.NOT_REFUSED)
         if not refused:

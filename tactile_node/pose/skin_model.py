@@ -26,8 +26,8 @@ LOG_DEPTHS = float(np.log(KERNEL_DEPTHS[0])), float(np.log(KERNEL_DEPTHS[1]))
 def taps_at(log_depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the kernel at a depth.
 
-    The kernel is a sum of terms. Each term is sign * taps along rows * taps along columns. The taps are indexed by
-    distance.
+    The kernel is a sum of terms. Each term is the product of a sign, the filter coefficients (taps) along the rows, and
+    the same coefficients along the columns. The coefficients are indexed by distance.
 
     Parameters
     ----------

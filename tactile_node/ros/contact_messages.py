@@ -85,7 +85,7 @@ def as_array(code: str, values: np.ndarray, dtype: type) -> array:
 
 
 def find_in(frame: PadFrame, pipeline: ContactPipeline) -> FoundContact:
-    """Return the contact that ``pipeline`` finds in ``frame``, with numbers rounded as in a message."""
+    """Return the contact that ``pipeline`` finds in ``frame``, with the noise rounded to float32, as in a message."""
     found = pipeline.find(frame.values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED,
                           unmapped=frame.status == TaxelStatus.UNMAPPED)
     noise = found.pattern.noise.astype(np.float32).astype(float)

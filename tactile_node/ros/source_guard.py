@@ -85,7 +85,8 @@ STAMP_TOLERANCE = 1.0  #: time by which a stamp may be ahead of the earlier stam
 CONFIRMING_STAMPS = 3
 #: time constant with which the limit from earlier stamps decays [s], because a clock may also be set back
 STAMP_FADING = 10.0
-LONGEST_GAP = 0.1  #: longest gap between messages that counts towards the decay [s]
+#: upper limit of the time between two messages in the decay of the limit [s]; a longer gap counts as this time
+LONGEST_GAP = 0.1
 
 
 class StampGuard:

@@ -9,9 +9,10 @@ Each frame adds its log-probabilities, following Bayes' rule, with two limits:
   most `FusionSettings.frames_to_follow` frames that agree. When a contact begins or ends, the fusion starts again
   immediately.
 
-Hidden taxels stay hidden, no matter how many frames agree. Each way of reading the hidden taxels
-(`Recognition.alternatives`) is therefore fused separately, and the result is the mean over all readings. A shape that
-the taxels do not support is treated in the same way, because later frames of the contact have no more taxels.
+Hidden taxels stay hidden, no matter how many frames agree. The fusion therefore keeps separate evidence for each
+assumption about the hidden taxels (`Recognition.alternatives`). The result is the weighted mean over these
+alternatives. A shape that the taxels do not support is treated in the same way, because later frames of the contact
+have no more taxels.
 
 A frame in which the contact is not seen adds no evidence. Such a frame is reported as not seen, and the evidence of
 earlier frames is kept for the next frame.

@@ -55,7 +55,7 @@ DIRECTION_BEFORE = np.arange(-1, DIRECTIONS - 1)
 
 
 def describe_all(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray) -> np.ndarray:
-    """Return the numbers that describe K patches.
+    """Return the feature vectors of K patches.
 
     Parameters
     ----------
@@ -114,9 +114,10 @@ def _support(inside: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _widths(support: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Return the filled shares of the hull and of the smallest box, the ratio of the widths, and the harmonics.
+    """Return measures of the hull of a patch.
 
-    The harmonics are those of the support function.
+    They are the shares of the hull and of the smallest box that the patch fills, the ratio of the smallest to the
+    largest width, and the harmonics of the support function.
     """
     half, quarter = DIRECTIONS // 2, DIRECTIONS // 4
     width = support[:, :half] + support[:, half:]

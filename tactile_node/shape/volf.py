@@ -1,8 +1,11 @@
 """Classify shapes as in section 7 of the paper, with three planes of two features each.
 
-1. (N, dif alpha9): two curves divide the plane into rectangle | right triangle | the others;
-2. (min P05, min I5): isosceles triangle | circle and square;
-3. (dif P05 or min P05, dif I5): square | circle.
+The features have the names of `tactile features`. ``min`` and ``dif`` are the minimum of a feature over all rotations,
+and the difference between its maximum and its minimum.
+
+1. In the plane (N, dif alpha9), two curves separate rectangles, right triangles and the other shapes.
+2. In the plane (min P05, min I5), one curve separates isosceles triangles from circles and squares.
+3. In the plane (dif P05 or min P05, dif I5), one curve separates squares from circles.
 
 The curves are stored in config/volf_curves.yaml and were fitted by `training.fit_curves`. The paper gives no
 probabilities. The probabilities in the file are frequencies among the training patterns. Each frequency is the share of

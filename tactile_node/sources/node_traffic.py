@@ -22,8 +22,8 @@ class NodeTraffic:
     """Evaluates the counts of one node.
 
     Only one thread at a time may use this class, but any thread may read ``missing``, ``surplus`` and ``are_two``. Two
-    heartbeats within one heartbeat time are a sign of two devices, as are more TPDOs with one COB-ID than SYNCs. The
-    node counts as two devices until the signs of a second device have been absent for the time needed to detect them.
+    heartbeats within one heartbeat time are a sign of two devices, as are more TPDOs with one COB-ID than SYNCs. After
+    such a sign, the node counts as two devices until no further sign has occurred for longer than a detection takes.
     """
 
     def __init__(self, node: CanopenNode, heard: HeardNode):

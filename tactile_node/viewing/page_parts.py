@@ -16,7 +16,7 @@ from tactile_node.viewing.templates import environment
 if TYPE_CHECKING:
     from tactile_node.viewing.recording_source import RecordingSource
 
-FRAME_TIME = 0.02      #: display time of one picture in the browser [s]
+FRAME_TIME = 0.02  #: margin for the time that the browser needs to show a picture [s]
 PAGE_SILENCE = 2.0  #: time without an update after which the page shows a warning [s]
 CLOCK_DIFFERENCE_LIMIT = 5.0  #: difference between stamps and this computer's clock that triggers a warning [s]
 

@@ -11,7 +11,7 @@ from tactile_node.taxel_frame import TaxelStatus
 
 
 class SeenContact(NamedTuple):
-    """The largest contact and its recognised shape. If the whole pad is visible and empty, `shape` is 'none'."""
+    """The largest contact and its recognised shape. If the pad is seen and empty, `shape` is 'none'."""
 
     shape: str          #: name of the shape class, as published on the topics
     reason: str         #: reason why the shape is unknown, or '' if it is known
