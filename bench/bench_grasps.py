@@ -9,7 +9,6 @@ with seeds from 1000 on, and the reported seeds begin at 0. The benchmark needs 
     make grasps                     # 100 starts for each column; each finished start is a line in
                                     # build/grasps/starts.jsonl, and a second run continues
     python bench/bench_grasps.py --report | --latency | --film docs/grasp.gif
-    python bench/bench_grasps.py --columns touch,hold --pull
     python bench/bench_grasps.py --columns touch,shape,sensor --starts 13 --items circle,square,...  # no triangles
 
 The simulation and the nodes run in real time and use two cores. On a busy machine, the nodes receive frames too late
@@ -59,15 +58,13 @@ def main() -> None:
     parser.add_argument('--columns', default=','.join(COLUMNS), metavar='NAME,...')
     parser.add_argument('--output', type=Path, metavar='FILE')
     parser.add_argument('--report', action='store_true', help='report the finished starts')
-    parser.add_argument('--pull', action='store_true',
-                        help='pull the item down harder than friction can hold, instead of shaking it')
     parser.add_argument('--latency', action='store_true',
                         help='measure the delay from touch to stop, and the overshoot beyond a force limit')
     parser.add_argument('--film', type=Path, metavar='GIF',
                         help='film a grasp of the first item and seed in column shape')
     args = parser.parse_args()
     args.items, args.columns = args.items.split(','), args.columns.split(',')
-    args.output = args.output or FOLDER / ('pulled.jsonl' if args.pull else 'starts.jsonl')
+    args.output = args.output or FOLDER / 'starts.jsonl'
     args.output.parent.mkdir(parents=True, exist_ok=True)
     if not args.report:
         with ExitStack() as stack:
@@ -107,7 +104,7 @@ def run(args: argparse.Namespace, link: Path) -> None:
               args.output.open('a', encoding='utf-8') as file):
             gc.freeze()  # a full garbage collection would delay a sweep
             for seed, column in starts:
-                record = grasped(session, column, ITEMS[name], start_of(name, seed), args.pull)
+                record = grasped(session, column, ITEMS[name], start_of(name, seed))
                 print(json.dumps({'column': column, 'item': name, 'seed': seed, **record}), file=file, flush=True)
                 finished += 1
                 minutes = (time.monotonic() - began) / finished * (left - finished) / 60
@@ -153,7 +150,6 @@ def _print_numbers(column: str, records: list[dict]) -> None:
               'seconds': [each['seconds'] for each in records],
               'hand off the item along x after closing [mm]': [1e3 * abs(each['off'][0]) for each in records],
               'goals to close': [len(each.get('touches', ())) + len(each.get('ending', ())) for each in records],
-              'slid under the pull [mm]': [each['slid_mm'] for each in records if 'slid_mm' in each],
               'moves': [len(each['moves']) for each in records if 'moves' in each]}
     beliefs = [each['belief'] for each in records if 'belief' in each]
     values |= {f'error of {key}': [each[key] for each in beliefs if key in each]

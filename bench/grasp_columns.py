@@ -22,7 +22,7 @@ from planner_world import AIM
 
 from examples.simulated_gripper.items import Item
 from examples.simulated_gripper.model import MAX_GAP
-from examples.simulated_gripper.world import GRAVITY, SIDES, Outcome, Place
+from examples.simulated_gripper.world import Outcome, Place
 from tactile_skin.msg import Grasp
 
 FORCE = 5.0         #: Closing force for all items, chosen with validation seeds [N].
@@ -33,10 +33,7 @@ SQUEEZE = 0.01      #: Distance by which the goal of a blind planner is smaller 
 LIFT = 0.1          #: Height of the lift [m].
 SHAKE = 1.0         #: Acceleration of the shake [g].
 CLEARANCE = 0.012   #: Extra opening while the hand is corrected [m].
-PULL_SPEED = 0.003  #: Speed of the pull [m/s].
-PULL_TIME = 12.0    #: Duration of the pull, long enough for the item to leave the pads [s].
-BEYOND = 1.3        #: Load on the pulled item, as a multiple of the friction that both pads provide at FORCE.
-AFTER = 0.5         #: Pause after the shake or pull [s].
+AFTER = 0.5         #: Pause after the shake [s].
 TRIES = 4           #: Largest number of closing attempts. Each attempt starts with an open gripper.
 UNSEEN = ('NOT_SEEN', 'FORCE_NOT_KNOWN', 'LOST')
 LOOK = 0.02         #: Time between two requests to the planner [s].
@@ -44,8 +41,8 @@ LOOK = 0.02         #: Time between two requests to the planner [s].
 Record = dict[str, Any]
 
 
-def grasped(session: Session, column: str, item: Item, place: Place, is_pulled: bool = False) -> Record:
-    """Put ``item`` at ``place``, close, lift, and shake or pull the item; return the record of this start."""
+def grasped(session: Session, column: str, item: Item, place: Place) -> Record:
+    """Put ``item`` at ``place``, close, lift and shake the item, and return the record of this start."""
     world = session.world
     session.place(place)
     begin, left_out = time.monotonic(), world.left_out
@@ -57,27 +54,13 @@ def grasped(session: Session, column: str, item: Item, place: Place, is_pulled: 
         session.moved()
         session.move(lift=session.hand['lift'] + LIFT)
         record['lift'] = session.moved()
-        if is_pulled:
-            record['slid_mm'] = _pulled(session, item)
-        else:
-            world.shake(SHAKE)
-            session.until(lambda: not world.is_moving)
+        world.shake(SHAKE)
+        session.until(lambda: not world.is_moving)
         session.wait(AFTER)
         record['shaken'] = session.moved()
     record |= {'end': _end(world.outcome, is_refused), 'seconds': time.monotonic() - begin,
                'left_out': world.left_out - left_out, 'holds': [*session.holds]}
     return record
-
-
-def _pulled(session: Session, item: Item) -> float:
-    """Pull the item down harder than friction can hold, and return how far it slid before it was dropped [mm]."""
-    world = session.world
-    before, end, slid = world.item_in(SIDES[0]).translation[1], world.now + PULL_TIME, 0.0
-    world.pull(PULL_SPEED, BEYOND * 2 * item.friction * FORCE - item.mass * GRAVITY)
-    while world.now < end and min(world.forces.values()) > 0:
-        slid = float(world.item_in(SIDES[0]).translation[1] - before)
-        session.wait(LOOK)
-    return 1e3 * slid
 
 
 def _end(outcome: Outcome, is_refused: bool) -> str:

@@ -139,6 +139,23 @@ def test_without_sync_the_load_is_that_of_the_event_timer(capsys):
     assert found['load'] == {'20 Hz': pytest.approx(16 * 135 / 1e6 / 0.05)}
 
 
+@pytest.mark.parametrize('old, new, words', [
+    ('bits: 16, signed: true', 'bits: 12, signed: false', '"value.bits" is 12, but object 0x7130 sub 1'),
+    ('signed: true', 'signed: false', '"value.signed" is false, but in the EDS object 0x7130 sub 1'),
+    ('signed: true', 'signed: true, byte_order: big', '"value.byte_order" is big, but object 0x7130 sub 1'),
+    ('cob_id: 1, sub: 4', 'cob_id: 1, sub: 3', '8 objects are mapped twice; the first is 0x7130 sub 4')])
+def test_fields_that_contradict_their_objects_are_a_warning(tmp_path, capsys, old, new, words):
+    """Object 0x7130 has signed numbers of 16 bits. Two TPDOs of four objects carry each row of eight taxels."""
+    written = (CONFIG / 'sim8x8_16bit.yaml').read_text(encoding='utf-8').replace('offset: 30000', 'offset: 300')
+    path = tmp_path / 'layout.yaml'
+    path.write_text(written.replace(old, new))
+    assert old in written
+    code = main(['check', str(path), 'sim8x8_16bit.eds', '--json'])
+    found = json.loads(capsys.readouterr().out)
+    assert code == 1 and not found['errors']
+    assert [words in text for text in found['warnings']] == [True]
+
+
 ENTRY = ('- {{number: {0}, cob_id: {1}, rows: {{first: 0, count: 2, step: [1, 0]}}, '
          'map: {{object: 0x{2:X}, sub: 1, bits: 8, count: 8}},\n'
          '   taxels: {{first: [{3}, 0], step: [0, 1], count: 7, start_bit: 8, bit_step: 8}}}}\n')

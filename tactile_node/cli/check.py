@@ -18,6 +18,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import eds_checks
+from tactile_node.skin.field_hints import field_hints
 from tactile_node.skin.layout import SIDES, SkinLayout
 from tactile_node.skin.layout_draft import FILL_IN
 from tactile_node.skin.layout_file import read_layout
@@ -93,12 +94,14 @@ def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
     except ConfigurationError as error:
         return CheckedLayout(None, [(error, _line(layout_name, error))], [])
     errors = collect_errors(layout_checks(layout))
-    eds = eds or layout.source.rsplit('.', 1)[0] + '.eds'
+    eds, dictionary = eds or layout.source.rsplit('.', 1)[0] + '.eds', None
     try:
-        errors += collect_errors(eds_checks(load_eds(eds, DEFAULT_NODE_ID), layout, eds))
+        dictionary = load_eds(eds, DEFAULT_NODE_ID)
+        errors += collect_errors(eds_checks(dictionary, layout, eds))
     except ConfigurationError as error:
         errors.append(error)
-    return CheckedLayout(layout, [(error, _line(layout_name, error)) for error in errors], _warnings(layout, use))
+    warnings = _warnings(layout, use) + field_hints(layout, dictionary)
+    return CheckedLayout(layout, [(error, _line(layout_name, error)) for error in errors], warnings)
 
 
 def as_json(found: CheckedLayout, use: Use) -> dict:

@@ -201,7 +201,8 @@ def measure(values: np.ndarray, limit: float, guard: ContactGuard, zero: np.ndar
             expected=f'nothing on the pad: all taxels below {limit:g} {guard.unit}, and steady',
             got=f'{np.count_nonzero(worst >= limit)} taxels above, most at row {row}, column {col}: mean '
                 f'{mean[row, col]:g} {guard.unit}, varying by {varies[row, col]:g} {guard.unit}',
-            remedy='Open the gripper. If nothing presses the pad, set "offset" in the layout or raise tare_limit.')
+            remedy='Open the gripper. If nothing presses the pad, set "offset" in the layout or raise tare_limit. If '
+                   'many taxels vary, check "bits", "signed" and "byte_order" in the layout with `tactile check`.')
     _refuse_contact(values, guard, zero)
     noise = float(np.sqrt(values.var(0)[known].mean()))
     return Tare(read_only(mean.astype(np.float32)), len(values), noise, known, guard.unit)
