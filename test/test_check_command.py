@@ -9,6 +9,7 @@ from eds_text import record
 
 from tactile_node.cli.main import main
 from tactile_node.skin.layout_file import read_layout
+from tactile_node.skin.pads import make_pad
 
 CONFIG = Path(__file__).parents[1] / 'config'
 LAYOUTS = sorted(path.name for path in CONFIG.glob('*.yaml') if path.with_suffix('.eds').exists())
@@ -154,6 +155,17 @@ def test_fields_that_contradict_their_objects_are_a_warning(tmp_path, capsys, ol
     found = json.loads(capsys.readouterr().out)
     assert code == 1 and not found['errors']
     assert [words in text for text in found['warnings']] == [True]
+
+
+def test_a_live_pad_logs_these_warnings(tmp_path, caplog):
+    """The driver publishes wrong values with such a layout, so its log names the cause."""
+    path = tmp_path / 'layout.yaml'
+    path.write_text((CONFIG / 'sim8x8_16bit.yaml').read_text(encoding='utf-8').replace(
+        'signed: true', 'signed: true, byte_order: big'))
+    make_pad('pad', 32, str(path), str(CONFIG / 'sim8x8_16bit.eds'))
+    make_pad('right', 64, 'sim8x8_16bit.yaml')
+    (record,) = caplog.records
+    assert record.levelname == 'WARNING' and '"value.byte_order" is big' in record.getMessage()
 
 
 ENTRY = ('- {{number: {0}, cob_id: {1}, rows: {{first: 0, count: 2, step: [1, 0]}}, '

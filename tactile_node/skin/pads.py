@@ -1,6 +1,7 @@
 """Describe the pads of one CAN bus (names, node-IDs, layouts and EDS), and check that they can share the bus."""
 
 import itertools
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -11,8 +12,11 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import is_found
 from tactile_node.skin.eds import load_eds
 from tactile_node.skin.eds_rules import Identity, check_against, identity_of
+from tactile_node.skin.field_hints import field_hints
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.layout_file import load_layout
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -165,6 +169,8 @@ def _with_dictionary(pad: PadSettings, path: str) -> LivePad:
                               dictionary=load_eds(path, node_id))
                   for position, node_id in enumerate(pad.node_ids))
     check_against(nodes[0].dictionary, pad.layout, path)
+    for hint in field_hints(pad.layout, nodes[0].dictionary):
+        logger.warning('%s: %s.', pad.layout.source, hint)
     return LivePad(pad.name, pad.node_ids, pad.layout, nodes)
 
 
