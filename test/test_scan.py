@@ -115,6 +115,15 @@ def test_only_the_nodes_that_were_named_are_asked(capsys):
     assert code == 0 and 'node 5' in out and 'node 6' not in out and asked == {0x605}
 
 
+def test_two_devices_with_one_node_id_are_named(capsys):
+    channel = channel_of('doubled')
+    with Device(channel, 5, SKIN), Device(channel, 5, SKIN), Device(channel, 6, SKIN):
+        code, out, _ = scan(capsys, channel, '--node-id', '5,6')
+    first, second = out.splitlines()
+    assert code == 0 and 'node 5' in first and 'several devices have this node-ID' in first
+    assert 'node 6' in second and 'several devices' not in second
+
+
 @pytest.mark.parametrize('words', [(), ('--passive',)])
 def test_a_silent_bus_is_reported(words, capsys):
     code, out, err = scan(capsys, channel_of('silent'), '--node-id', '1', *words)

@@ -5,6 +5,7 @@ The scan listens for heartbeats and then reads a few objects of each node by SDO
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -23,6 +24,8 @@ from tactile_node.skin.eds_rules import Identity
 
 ANSWER_TIMEOUT = 0.5  #: Time allowed for a node to answer an SDO request [s].
 DEVICE_TYPE_REQUEST = bytes((REQUEST_UPLOAD, objects.DEVICE_TYPE & 0xFF, objects.DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))
+#: Bytes that name the device type, in a request and in its answer.
+DEVICE_TYPE = DEVICE_TYPE_REQUEST[1:4]
 
 
 class FoundNode(NamedTuple):
@@ -30,6 +33,7 @@ class FoundNode(NamedTuple):
 
     node_id: int
     answers: bool             #: True if the node answers SDO requests
+    is_doubled: bool          #: True if several devices have answered the same request
     state: int | None         #: NMT state in the node's last heartbeat
     heartbeat_period: float | None  #: mean time between the received heartbeats [s]
     heartbeat_time: float | None    #: heartbeat time configured in object 0x1017 [s]; 0 if the node sends no heartbeat
@@ -45,6 +49,7 @@ class NodeScan:
         self.can_frames = 0  #: CANopen frames received
         self.error_frames = 0  #: error frames received, including one for each damaged line from an slcan adapter
         self.answered: set[int] = set()  #: node-IDs that have answered an SDO request
+        self._device_types: Counter[int] = Counter()  #: number of answers minus requests, by node-ID
         self._states: dict[int, int] = {}
         self._heard: dict[int, list[float]] = {}
         self._lock = threading.Lock()
@@ -62,10 +67,15 @@ class NodeScan:
                     self._heard.setdefault(alive, []).append(time.monotonic())
                 elif (server := objects.node_of(can_id, objects.SDO_RESPONSE)) is not None and len(data) == SDO_BYTES:
                     self.answered.add(server)
+                    self._device_types[server] += data[1:4] == DEVICE_TYPE
+                elif (asked := objects.node_of(can_id, objects.SDO_REQUEST)) is not None:  # by another SDO client
+                    self._device_types[asked] -= data[1:4] == DEVICE_TYPE
 
     def ask(self, network: BusNetwork, node_ids: Iterable[int]) -> None:
         """Request the device type of each node in ``node_ids``, then wait for ANSWER_TIMEOUT. Raises BusError."""
         for node_id in node_ids:
+            with self._lock:
+                self._device_types[node_id] -= 1
             network.send_message(objects.SDO_REQUEST + node_id, DEVICE_TYPE_REQUEST)
             time.sleep(0.002)  # the scan must not disturb a bus in use
         time.sleep(ANSWER_TIMEOUT)
@@ -85,17 +95,19 @@ class NodeScan:
         """
         with self._lock:
             node_ids = sorted(self.answered | self._states.keys())
-        return [self._node(node_id, network if node_id in self.answered else None) for node_id in node_ids]
+            doubled = {node_id for node_id, surplus in self._device_types.items() if surplus > 0}
+        return [self._node(node_id, network if node_id in self.answered else None, node_id in doubled)
+                for node_id in node_ids]
 
-    def _node(self, node_id: int, network: BusNetwork | None) -> FoundNode:
+    def _node(self, node_id: int, network: BusNetwork | None, is_doubled: bool) -> FoundNode:
         said = {} if network is None else _read(network, node_id)
         with self._lock:
             heard = self._heard.get(node_id, [])
             period = (heard[-1] - heard[0]) / (len(heard) - 1) if len(heard) > 1 else None
             state = self._states.get(node_id)
         name, heartbeat = said.get((objects.DEVICE_NAME, 0)), _number(said.get((objects.PRODUCER_HEARTBEAT_TIME, 0)))
-        return FoundNode(node_id, network is not None, state, period, None if heartbeat is None else heartbeat / 1000,
-                         _number(said.get((objects.DEVICE_TYPE, 0))),
+        return FoundNode(node_id, network is not None, is_doubled, state, period,
+                         None if heartbeat is None else heartbeat / 1000, _number(said.get((objects.DEVICE_TYPE, 0))),
                          None if name is None else name.decode('latin-1').rstrip('\0 '),
                          Identity(*(_number(said.get((objects.IDENTITY, sub))) for sub in (1, 2, 3))))
 

@@ -91,8 +91,9 @@ def _text(node: FoundNode, matching: list[Path], is_asked: bool) -> str:
     if not node.answers:
         return f'node {node.node_id}: {state}, {heartbeat}, {"no answer by SDO" if is_asked else "not asked"}'
     layouts = ', '.join(path.name for path in map(_layout, matching) if path.is_file())
+    doubled = '; several devices have this node-ID, so give each its own' if node.is_doubled else ''
     return (f'node {node.node_id}: {name}, {node.identity}; {state}, {heartbeat}; '
-            + (f'layout {layouts}' if layouts else 'no layout of ours'))
+            + (f'layout {layouts}' if layouts else 'no layout of ours') + doubled)
 
 
 def _layout(eds: Path) -> Path:
