@@ -14,6 +14,7 @@ from bench_commissioning import compared, plan_for
 from commissioning_world import GRID, CommissioningDesk, random_truth
 from launch_stand_in import processes_of, put_stand_ins
 
+from tactile_node.cli.commission import _procedure as procedure_at
 from tactile_node.cli.commissioning_pictures import pictures_of
 from tactile_node.commissioning import procedure
 from tactile_node.commissioning.changes import Change, find_changes, largest_expected
@@ -41,7 +42,7 @@ from tactile_node.commissioning.pad_rest import measure_rest
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
 from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
 from tactile_node.commissioning.recording import PadFrames, Recording
-from tactile_node.commissioning.report import report_data, write_report
+from tactile_node.commissioning.report import found_lines, report_data, write_report
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
 from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
@@ -344,9 +345,12 @@ def test_a_step_without_a_result_is_not_finished(finished, tmp_path, monkeypatch
     monkeypatch.setattr(procedure, 'STEP_COMMANDS', 8)  # too few commands for five levels
     desk, plan = desk_of()
     record = without(finished[2], tmp_path, 'step')
-    steps = CommissioningProcedure(desk, desk, plan, record)
+    said = []
+    desk.say = said.append
+    steps = procedure_at(desk, desk, plan, record)
     steps.run()
     assert 'step' not in record
+    assert said[-1] == '\nstep: nothing found, because the levels at which the gripper stays cannot be distinguished'
     assert steps.unfinished() == ['step'] and steps.unfinished(('step',)) == []
 
 
@@ -451,6 +455,35 @@ def test_the_report_contains_each_value_with_its_verdict(finished, tmp_path):
     for line in (*found.measurements, *found.facts):
         assert f'| {line.name} |' in page
     assert found.fits_closing().verdict is not Verdict.UNKNOWN
+
+
+@pytest.mark.slow
+def test_the_lines_after_a_step_give_its_values_and_name_what_is_unknown(finished, tmp_path):
+    _, plan, path = finished
+    record = without(path, tmp_path, 'stops')
+    before = found_lines(Evaluation(record, plan))
+    stops = CommissioningRecord(path)['stops']
+    stopped = sum(trial[0] for trial in stops['trials']['goal'])
+    next(trial for trial in stops['trials']['goal'] if trial[0])[0] = False
+    record.save('stops', stops)
+    new = [line for line in found_lines(Evaluation(record, plan)) if line not in before]
+    assert any(line.startswith('stop by cancel: ') for line in new)
+    failed, = (line for line in new if line.startswith('stop by goal: '))
+    assert failed.startswith(f'stop by goal: {stopped - 1} of 6 stopped, FAIL (all must stop')
+    assert 'unknown: time from a stop by goal to standstill (a stop failed)' in new
+    assert not any('noise' in line or 'not finished' in line for line in new)
+
+
+@pytest.mark.slow
+def test_blocks_that_contradict_each_other_are_the_reason_for_an_unknown_law(finished, tmp_path):
+    _, plan, path = finished
+    content = json.loads(path.read_text())
+    content['steps']['block 25 mm']['width'] = 0.027
+    (tmp_path / 'record.json').write_text(json.dumps(content))
+    plan = replace(plan, unit='m')  # a knuckle fits any three widths
+    lines = found_lines(Evaluation(CommissioningRecord(tmp_path / 'record.json'), plan))
+    line, = (line for line in lines if 'do not fit one law' in line)
+    assert line.startswith('unknown: opening in the middle of the blocks, ') and 'tilt along x' in line
 
 
 @pytest.mark.slow

@@ -6,8 +6,9 @@
 
 The command asks you for each action, and moves the gripper after your consent (docs/commissioning.md). It needs a
 running driver of both pads, the gripper's own action (ParallelGripperCommand) and joint states. Ctrl-C stops the
-gripper. The folder of --output gets the results of each step (record.json), the parameters (parameters.yaml) and the
-report (report.md, report.json). The exit code is 1 if a step was refused, or if --check finds a change.
+gripper. After each step, the command prints the values that the step has found. The folder of --output gets the results
+of each step (record.json), the parameters (parameters.yaml) and the report (report.md, report.json). The exit code is 1
+if a step was refused, or if --check finds a change.
 """
 
 import argparse
@@ -205,8 +206,20 @@ def _check(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', f
 
 def _procedure(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', record: 'CommissioningRecord'
                ) -> Any:
+    from tactile_node.commissioning.evaluation import Evaluation
     from tactile_node.commissioning.procedure import CommissioningProcedure
-    return CommissioningProcedure(gripper, person, plan, record, lambda step: person.say(f'\n== {step} =='))
+    from tactile_node.commissioning.report import found_lines
+    said = found_lines(Evaluation(record, plan))
+
+    def say_results(step: str, reason: str) -> None:
+        """Print each line that the results of the step have changed."""
+        lines = found_lines(Evaluation(record, plan))
+        new = [line for line in lines if line not in said]
+        said[:] = lines
+        person.say('\n'.join([f'\n{step}: {f"nothing found, because {reason}" if reason else "finished"}',
+                              *(f'  {line}' for line in new)]))
+    return CommissioningProcedure(gripper, person, plan, record, lambda step: person.say(f'\n== {step} =='),
+                                  say_results)
 
 
 def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', folder: Path, person: Terminal) -> None:

@@ -103,13 +103,18 @@ class CommissioningProcedure:
         Results of the steps. Finished steps are not repeated.
     on_step : callable
         Function that is called with the name of each step before the step begins.
+    on_result : callable
+        Function that is called with the name of each step after the step, and with the reason if the step has found
+        nothing, or ''.
     """
 
     def __init__(self, gripper: CommissionedGripper, person: Person, plan: CommissioningPlan,
-                 record: CommissioningRecord, on_step: Callable[[str], None] = lambda name: None):
+                 record: CommissioningRecord, on_step: Callable[[str], None] = lambda name: None,
+                 on_result: Callable[[str, str], None] = lambda name, reason: None):
         self._gripper = GuardedGripper(gripper, person, plan)
         self._others, self._serial_numbers = gripper.others, gripper.serial_numbers
-        self._person, self._plan, self._record, self._on_step = person, plan, record, on_step
+        self._person, self._plan, self._record = person, plan, record
+        self._on_step, self._on_result = on_step, on_result
         self.refused: list[tuple[str, RefusedStepError]] = []  #: parts that were refused, with the reason
         self._gripper.noise = record.get('first movement').get('noise', self._gripper.noise)
         self._order: tuple[int, ...] = ()  # numbers of the left and the right pad
@@ -151,8 +156,10 @@ class CommissioningProcedure:
                 kind = kind_of(name)
                 if name not in self._record and kind not in skip and self._has_finished(NEEDED.get(kind, ())):
                     self._on_step(name)
-                    if results := step():
+                    results = step()
+                    if is_found := bool(results.keys() - {'reason'}):
                         self._record.save(name, results)
+                    self._on_result(name, '' if is_found else results['reason'])
         except BaseException:  # Ctrl-C stops the gripper as well
             self._gripper.stop()
             raise
@@ -358,7 +365,7 @@ class CommissioningProcedure:
     def _step(self) -> dict[str, Any]:
         """Command small increments, at rest after each, and find the levels at which the gripper stays.
 
-        The results are empty if the levels cannot be distinguished.
+        The results are only a reason if the levels cannot be distinguished.
         """
         self._clear('step')
         law = self._found.law
@@ -375,7 +382,8 @@ class CommissioningProcedure:
             if number > 20 and abs(reached[-1] - reached[0]) > STEP_RANGE * self._largest_jump(reached):
                 break
         found = measure_step(np.array(commanded), np.array(reached), self._gripper.noise / 3)
-        return {'step': found, 'at': middle, 'increment': increment} if found.is_known else {}
+        return {'step': found, 'at': middle, 'increment': increment} if found.is_known else {
+            'reason': 'the levels at which the gripper stays cannot be distinguished'}
 
     def _largest_jump(self, reached: list[float]) -> float:
         return max(float(np.abs(np.diff(reached)).max()), 8 * self._gripper.noise)
