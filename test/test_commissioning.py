@@ -17,12 +17,14 @@ from launch_stand_in import processes_of, put_stand_ins
 from tactile_node.cli.commission import _procedure as procedure_at
 from tactile_node.cli.commissioning_pictures import pictures_of
 from tactile_node.commissioning import procedure
+from tactile_node.commissioning.block_grip import Face
 from tactile_node.commissioning.changes import Change, find_changes, largest_expected
 from tactile_node.commissioning.commissioned_gripper import Act, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
 from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.force import map_effort
 from tactile_node.commissioning.guarded_gripper import GuardedGripper, Move
+from tactile_node.commissioning.jig import place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_per_load
 from tactile_node.commissioning.measurement import Estimate, Verdict, line_through, mean_of
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
@@ -230,6 +232,67 @@ def test_each_series_is_consented_to_and_foam_comes_before_hard_blocks(finished)
     for question in desk.questions:
         if question.act is Act.CONSENT:
             assert all(word in question.text for word in (' movement', ' at ', 'effort of', ' N. Start?'))
+
+
+def with_jig(path, folder, mistakes=()):
+    """Return a desk with a jig, its plan, and a procedure whose other steps are finished."""
+    desk, plan = desk_of(mistakes)
+    plan = replace(plan, jig=desk.jig)
+    (folder / 'record.json').write_text(path.read_text())
+    record = CommissioningRecord(folder / 'record.json')
+    return desk, plan, record, CommissioningProcedure(desk, desk, plan, record)
+
+
+@pytest.mark.slow
+def test_a_jig_shows_where_the_pads_are_in_the_frame_of_the_gripper(finished, tmp_path):
+    desk, plan, record, procedure = with_jig(finished[2], tmp_path)
+    assert procedure.unfinished() == ['jig']
+    assert 'frame_id' in measured_parameters(Evaluation(record, plan), plan).nodes['grasp']
+    procedure.run()
+    found = Evaluation(record, plan)
+    grasp = measured_parameters(found, plan).nodes['grasp']
+    assert 'frame_id' not in grasp
+    gripper = Gripper(*(PadPose(grasp[f'{pad}_xyz'], grasp[f'{pad}_rpy']) for pad in ('left', 'right')))
+    truth = desk.truth
+    centres = truth.place, truth.place + truth.axes[:, :2] @ truth.offset
+    middle = (GRID.cols - 1) / 2 * GRID.pitch
+    for pose, centre in zip((gripper.left, gripper.right), centres):
+        np.testing.assert_allclose(pose.place((middle, middle), 0.0), centre, rtol=0, atol=5e-4)
+    assert gripper.left.normal @ truth.axes[:, 2] > np.cos(np.radians(1))
+    lines = {each.name: each.estimate for each in found.measurements}
+    for axis, true in zip('xyz', truth.place):
+        each = lines[f'left pad, {axis} in the frame of the gripper']
+        assert abs(each.value - true) < 4 * each.deviation
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('mistake', [Mistake.BLOCK_MISSING, Mistake.BLOCK_ASKEW, 'turned'])
+def test_a_jig_that_is_missing_askew_or_turned_is_noticed(finished, tmp_path, mistake):
+    is_turned = mistake == 'turned'
+    desk, _, record, procedure = with_jig(finished[2], tmp_path, () if is_turned else [mistake])
+    insert = desk.ask
+
+    def turned_once(question):
+        answer = insert(question)
+        if question.act is Act.JIG and is_turned and not procedure.refused:
+            desk._object.angle += np.radians(10)
+        return answer
+    desk.ask = turned_once
+    procedure.run()
+    assert [error.mistake for _, error in procedure.refused] == [Mistake.BLOCK_ASKEW if is_turned else mistake]
+    assert 'jig' in record
+
+
+def test_the_jig_may_stand_at_any_pose_in_the_frame_of_the_gripper():
+    alignment = PadAlignment(*[Estimate(0.0, 0.0)] * 5)
+    faces = Face(np.array((0.002, -0.001)), 0.0, np.zeros(2)), Face(np.array((-0.002, -0.001)), 0.0, np.zeros(2))
+    plain = place_left_pad(faces, 1.0, alignment, (0.01, 0.0, 0.1, 0.0, 0.0, 0.0))
+    # The block lies 2 mm to the right of the middle of the left skin and 1 mm below. The skin looks along y.
+    np.testing.assert_allclose([each.value for each in plain[:3]], (0.012, 0.0, 0.101), atol=1e-12)
+    along_x = (0.01, 0.0, 0.1, 0.0, 0.0, -np.pi / 2)  # a gripper that closes along x
+    turned = place_left_pad(faces, 1.0, alignment, along_x)
+    np.testing.assert_allclose([each.value for each in turned[:3]], (0.01, -0.002, 0.101), atol=1e-12)
+    np.testing.assert_allclose(turned.pose(along_x).rotation[:, 2], (1, 0, 0), atol=1e-12)
 
 
 PARTS = {

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.commissioning.block_grip import BlockGrip
-from tactile_node.commissioning.commissioning_record import CommissioningRecord, grip_from, hung_from
+from tactile_node.commissioning.commissioning_record import CommissioningRecord, faces_from, grip_from, hung_from
 from tactile_node.commissioning.force import Close, EffortMap, map_effort, predict_overshoot
+from tactile_node.commissioning.jig import PadPlace, place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_of, shift_per_load
 from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, Measurement, Verdict
 from tactile_node.commissioning.movement import StopCount, StopTrial, StopWay, start_latency, stop_latency
@@ -194,6 +195,15 @@ class Evaluation:
             return None
         return find_alignment(self.grips, [self.law.slope(grip.onset.value).value for grip in self.grips])
 
+    @cached_property
+    def left_place(self) -> PadPlace | None:
+        """Pose of the left skin in the frame of the gripper; None if unknown."""
+        if self.law is None or self.alignment is None or not (self._plan.jig and 'jig' in self._record):
+            return None
+        reading = next(grip.onset.value for grip in self.grips if grip.width == self._plan.jig_block.width)
+        return place_left_pad(faces_from(self._record['jig']), self.law.slope(reading).value, self.alignment,
+                              self._plan.jig)
+
     @property
     def shift_per_load(self) -> tuple[Estimate, str]:
         """Shift of a contact per load, and the reason if it is not known [m]."""
@@ -295,6 +305,11 @@ class Evaluation:
             'tilt along y'
         for name, each, unit in zip(names, self.alignment or [NOT_MEASURED] * 5, ('m', 'm', 'rad', 'rad', 'rad')):
             lines.append(_plain(name, each, unit, no_law))
+        no_place = no_law if 'jig' in self._record else NOT_DONE if self._plan.jig else 'relative only, without a jig'
+        names_in_jig = *(f'{axis} in the frame of the gripper' for axis in 'xyz'), 'turn against the jig', \
+            'tilt along x against the jig', 'tilt along y against the jig'
+        lines += [_plain(f'left pad, {name}', each, unit, no_place) for name, each, unit in zip(
+            names_in_jig, self.left_place or [NOT_MEASURED] * 6, ('m',) * 3 + ('rad',) * 3)]
         held = self.held
         lines.append(Measurement('share of the force without commands', held, '1', Verdict.UNKNOWN if not held.is_known
                                  else Verdict.PASS if held.value >= HELD_SHARE else Verdict.FAIL,

@@ -10,7 +10,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from tactile_node.commissioning.block_grip import BlockGrip, Stall, measure_grip, print_of, repair, stiffness_of
+from tactile_node.commissioning import jig
+from tactile_node.commissioning.block_grip import (
+    BlockGrip,
+    Face,
+    Stall,
+    measure_faces,
+    measure_grip,
+    print_of,
+    repair,
+    stiffness_of,
+)
 from tactile_node.commissioning.commissioned_gripper import Act, CommissionedGripper, Person, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import Evaluation
@@ -42,9 +52,9 @@ from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 
 Result = TypeVar('Result')
 PADS = 'left', 'right'
-OPTIONAL = 'foam', 'block', 'step', 'weight', 'proof'  #: Steps that may be left out. All blocks are one of them.
+OPTIONAL = 'foam', 'block', 'jig', 'step', 'weight', 'proof'  #: Steps that may be left out. All blocks are one of them.
 #: Steps whose results a step needs.
-NEEDED = {'block': ('foam',), 'weight': ('foam',), 'proof': ('foam', 'block')}
+NEEDED = {'block': ('foam',), 'jig': ('foam', 'block'), 'weight': ('foam',), 'proof': ('foam', 'block')}
 REPEATS = 3             #: Number of attempts of each part of a step.
 PRESS_TIME = 4.0        #: Duration of the recording of a press [s].
 STROKE_TIME = 15.0      #: Duration of the recording in which the person presses everywhere [s].
@@ -127,6 +137,7 @@ class CommissioningProcedure:
         return {'rest': self._rest, 'pads': self._pads, 'first movement': self._first_movement,
                 'stops': self._stops, 'foam': self._foam,
                 **{f'block {1e3 * block.width:g} mm': self._block_step(block) for block in self._plan.blocks},
+                **({'jig': self._jig} if self._plan.jig else {}),
                 'step': self._step, 'weight': self._weight, 'proof': self._proof}
 
     def run(self, skip: Collection[str] = ()) -> None:
@@ -503,9 +514,15 @@ class CommissioningProcedure:
     def _block_step(self, block: GaugeBlock) -> Callable[[], dict[str, Any]]:
         return lambda: dict(self._attempt(self._grip, block)._asdict())
 
-    def _grip(self, block: GaugeBlock, act: Act = Act.BLOCK) -> BlockGrip:
+    def _grip(self, block: GaugeBlock) -> BlockGrip:
+        stalls = self._press_block(block, Act.BLOCK, f'Hold the block of {1e3 * block.width:g} mm freely between the '
+                                   f'pads{UNTIL_HELD}')
+        return measure_grip(stalls, self._places, block.width, block.length, self._rough_metres)
+
+    def _press_block(self, block: GaugeBlock, act: Act, text: str) -> list[Stall]:
+        """Let the person insert a block, and return the stalls on the block at rising efforts."""
         where = f'block of {1e3 * block.width:g} mm'
-        self._insert(act, f'Hold the {where} freely between the pads{UNTIL_HELD}', block.width)
+        self._insert(act, text, block.width)
         limit = self._plan.force_limit
         move = Move(self._closed_end, self._effort_for(limit), self._plan.travel / FREE_TIME)
         self._gripper.consent(where, move, limit, len(PROBE_SHARES) + STALLS)
@@ -517,7 +534,7 @@ class CommissioningProcedure:
             stalls.append(self._held_stall(self._effort_for(float(force)), where))
             if stalls[-1].force > limit:
                 break
-        return measure_grip(stalls, self._places, block.width, block.length, self._rough_metres)
+        return stalls
 
     def _held_stall(self, effort: float, where: str) -> Stall:
         """Return a stall against the block, which must be there."""
@@ -526,6 +543,23 @@ class CommissioningProcedure:
             raise RefusedStepError(where, Mistake.BLOCK_MISSING, expected='a force on both pads', got='none',
                                    remedy='Hold the block between the pads until the gripper grips it.')
         return stall
+
+    def _jig(self) -> dict[str, Any]:
+        faces = self._attempt(self._grip_jig)
+        self._ask(Act.MEASURE, 'While the gripper holds the block, measure where its centre lies along the closing '
+                  f'direction. --jig states {1e3 * self._plan.jig[1]:g} mm. If you measure another value, start the '
+                  'command again later with this value.')
+        return {'faces': faces}
+
+    def _grip_jig(self) -> tuple[Face, Face]:
+        """Return the faces of the block in the jig on both pads."""
+        block = self._plan.jig_block
+        stalls = self._press_block(block, Act.JIG, f'Put the block of {1e3 * block.width:g} mm into the jig, and hold '
+                                   'the jig with its datum faces against the palm.')
+        measure_grip(stalls, self._places, block.width, block.length, self._rough_metres, jig.MOST_SKEW)
+        faces = measure_faces(stalls, self._places)
+        jig.check_jig(faces)
+        return faces
 
     def _weight(self) -> dict[str, Any]:
         shifts = self._attempt(self._weigh)

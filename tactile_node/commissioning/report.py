@@ -57,7 +57,9 @@ def page_text(found: Evaluation, parameters: MeasuredParameters, about: Mapping[
         lines += ['', f'## Skin: {step}', '', *(f'    {line}'.rstrip() for line in text.strip().splitlines())]
     lines += ['', '## Parameters that are missing', '']
     lines += [f'- {name}: {reason}' for name, reason in parameters.absent.items()] or ['None.']
-    lines += ['', 'The poses of the pads are relative only. Their place in the frame of the gripper was not measured.']
+    if found.left_place is None:
+        lines += ['', 'The poses of the pads are relative only. Their place in the frame of the gripper was not '
+                  'measured.']
     return '\n'.join(lines) + '\n'
 
 
