@@ -22,7 +22,7 @@ from tactile_node.commissioning.changes import Change, find_changes, largest_exp
 from tactile_node.commissioning.commissioned_gripper import Act, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
 from tactile_node.commissioning.evaluation import Evaluation
-from tactile_node.commissioning.force import map_effort
+from tactile_node.commissioning.force import map_effort, safe_force
 from tactile_node.commissioning.guarded_gripper import GuardedGripper, Move
 from tactile_node.commissioning.jig import place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_per_load
@@ -189,6 +189,24 @@ def test_a_shift_is_known_only_if_two_grips_agree(shifts, reason):
     found, why = shift_per_load(shifts)
     assert found.is_known == (not reason)
     assert reason in why
+
+
+@pytest.mark.parametrize('scatter', [0.02, 0.08])
+@pytest.mark.parametrize('stalls', [4, 12])
+def test_the_force_to_aim_at_exceeds_the_limit_in_one_of_a_hundred_stalls_at_most(scatter, stalls):
+    rng, limit = np.random.default_rng(13), 20.0
+    forces = np.geomspace(0.6, 10.5, stalls)
+    efforts = 2.5 + 1.25 * forces
+    above = []
+    for _ in range(1000):
+        seen = forces * (1 + scatter * rng.standard_normal(stalls))
+        known = map_effort(efforts, seen)
+        if known.is_known:  # four stalls with much scatter may show no map
+            stall = 0.8 * (known.effort(safe_force(efforts, seen, limit)) - 2.5) * (1 + scatter * rng.standard_normal())
+            above.append(stall > limit)
+    assert len(above) > 900
+    assert np.mean(above) <= 0.01
+    assert safe_force(efforts, forces, limit) == pytest.approx(limit)  # without scatter
 
 
 # ---- the whole commissioning ----
@@ -401,6 +419,21 @@ def test_a_record_is_not_continued_at_another_frame_rate(finished, tmp_path):
         CommissioningProcedure(desk, desk, plan, record).run()
     assert refused.value.mistake is Mistake.OTHER_RATE
     assert not desk.commands
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('scatter', [0.0, 0.08])
+def test_a_block_is_pressed_less_if_the_forces_on_the_foam_scatter(finished, tmp_path, scatter):
+    desk, plan = desk_of()
+    record = without(finished[2], tmp_path, 'block 40 mm')
+    foam = record['foam']
+    line = map_effort(foam['efforts'], foam['forces'])
+    foam['forces'] = [(line.offset.value + line.slope.value * effort) * (1 + scatter * (-1) ** number)
+                      for number, effort in enumerate(foam['efforts'])]
+    plan = replace(plan, force_limit=8.0)  # below the force at which the block sinks in by the largest depth
+    CommissioningProcedure(desk, desk, plan, record).run()
+    share = desk.strongest / plan.force_limit
+    assert share < 0.85 if scatter else 0.9 < share < 1
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ from tactile_node.commissioning.block_grip import (
 from tactile_node.commissioning.commissioned_gripper import Act, CommissionedGripper, Person, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import Evaluation
-from tactile_node.commissioning.force import Close, map_effort, predict_overshoot, remaining_share
+from tactile_node.commissioning.force import Close, map_effort, predict_overshoot, remaining_share, safe_force
 from tactile_node.commissioning.guarded_gripper import REACT, TOUCHED, GuardedGripper, Move
 from tactile_node.commissioning.lateral_shift import MOST_DIFFERENT, HungWeight, shift_of
 from tactile_node.commissioning.measurement import Estimate
@@ -530,7 +530,9 @@ class CommissioningProcedure:
         first, second = stalls[-2:]
         closed = max(abs(second.reading - first.reading), self._gripper.noise) * abs(self._rough_metres)
         work = second.force + abs(second.force - first.force) / closed * DEPTH
-        for force in np.linspace(second.force, min(BLOCK_SHARE * limit, work), STALLS + 1)[1:]:
+        foam = self._record['foam']
+        most = min(BLOCK_SHARE * limit, safe_force(foam['efforts'], foam['forces'], limit), work)
+        for force in np.linspace(second.force, most, STALLS + 1)[1:]:
             stalls.append(self._held_stall(self._effort_for(float(force)), where))
             if stalls[-1].force > limit:
                 break
