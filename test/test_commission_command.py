@@ -20,7 +20,7 @@ from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalRespons
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from sensor_msgs.msg import JointState
-from simulated_person import ROOT, SLOW, Process, commission
+from simulated_person import PADS, ROOT, SLOW, Process, commission
 
 from tactile_node.cli.commission import Terminal
 from tactile_node.cli.main import main
@@ -339,6 +339,26 @@ def test_a_person_commissions_a_simulated_gripper(tmp_path, monkeypatch, truth, 
         measured = driver('        mirrored_pads: [left]\n')
         code, text = commission(tmp_path, '--check', driver=measured, delay=delay)
         assert code == 0, text
+
+
+@pytest.mark.ros
+@pytest.mark.bus
+@pytest.mark.long
+@pytest.mark.skipif(find_spec('mujoco') is None, reason='pip install -r requirements/bench_physics.txt')
+@pytest.mark.usefixtures('ros', 'control_msgs')
+def test_a_person_measures_the_skin_of_a_simulated_gripper(tmp_path):
+    """The simulated skin has no depth, so the test checks the files and the way to the driver that uses them."""
+    options = '--disc', '0.0125', '--shapes', 'circle,unknown', '--rest-time', '10', '--skip', 'foam,step,weight'
+    code, text = commission(tmp_path, *options)
+    assert code == 2 and 'expected the response of the skin' in text, text
+    steps = json.loads((tmp_path / 'record.json').read_text())['steps']
+    assert steps.keys() == {'plan', 'response', 'assessment'}
+    assert '8 touches' in steps['response']['text'] and 'unknown' in steps['assessment']['text']
+    parameters = yaml.safe_load((tmp_path / 'parameters.yaml').read_text())
+    assert parameters['/**/skin_driver']['ros__parameters'] == {'response_files': [steps['response']['file']]}
+    measured = *PADS, str(tmp_path / 'parameters.yaml'), '--params-file', str(tmp_path / 'slow.yaml')
+    code, text = commission(tmp_path, *options, '--stop-trials', '3', driver=measured)
+    assert 'rest' in json.loads((tmp_path / 'record.json').read_text())['steps'], text
 
 
 def mirrored_layout(folder):
