@@ -17,7 +17,7 @@ from launch_stand_in import processes_of, put_stand_ins
 from tactile_node.cli.commission import _procedure as procedure_at
 from tactile_node.cli.commissioning_pictures import pictures_of
 from tactile_node.commissioning import procedure
-from tactile_node.commissioning.block_grip import Face
+from tactile_node.commissioning.block_grip import BlockFace
 from tactile_node.commissioning.changes import Change, find_changes, largest_expected
 from tactile_node.commissioning.commissioned_gripper import Act, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
@@ -303,7 +303,7 @@ def test_a_jig_that_is_missing_askew_or_turned_is_noticed(finished, tmp_path, mi
 
 def test_the_jig_may_stand_at_any_pose_in_the_frame_of_the_gripper():
     alignment = PadAlignment(*[Estimate(0.0, 0.0)] * 5)
-    faces = Face(np.array((0.002, -0.001)), 0.0, np.zeros(2)), Face(np.array((-0.002, -0.001)), 0.0, np.zeros(2))
+    faces = [BlockFace(np.array((x, -0.001)), 0.0, np.zeros(2)) for x in (0.002, -0.002)]
     plain = place_left_pad(faces, 1.0, alignment, (0.01, 0.0, 0.1, 0.0, 0.0, 0.0))
     # The block lies 2 mm to the right of the middle of the left skin and 1 mm below. The skin looks along y.
     np.testing.assert_allclose([each.value for each in plain[:3]], (0.012, 0.0, 0.101), atol=1e-12)

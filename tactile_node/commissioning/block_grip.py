@@ -52,7 +52,7 @@ class Print(NamedTuple):
     angle: float        #: direction of the longer side, from -pi/2 to pi/2 [rad]
 
 
-class Face(NamedTuple):
+class BlockFace(NamedTuple):
     """The covered part of a pad under a block, in the frame of the pad seen with the fingertip up.
 
     Unlike a `Print`, the face does not depend on the forces, which a tilted pad shares unevenly.
@@ -127,7 +127,7 @@ def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray],
                      float(np.mean([np.diff(stall.forces)[0] / 2 / stall.force for stall in stalls])))
 
 
-def measure_faces(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray]) -> tuple[Face, Face]:
+def measure_faces(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray]) -> tuple[BlockFace, BlockFace]:
     """Return the faces of a block on the left and on the right pad, from stalls that `measure_grip` has checked."""
     left, right = (_TaxelLines.of(stalls, number, places[number]).face() for number in (0, 1))
     return left, right
@@ -218,10 +218,10 @@ class _TaxelLines(NamedTuple):
         plane: np.ndarray = np.linalg.lstsq(system, self.onsets * weights, rcond=None)[0]
         return plane
 
-    def face(self) -> Face:
+    def face(self) -> BlockFace:
         """Return the covered part of the pad."""
         centre, spread = _moments(self.places, np.minimum(np.abs(self.slopes) / self.level, 1.0))
-        return Face(centre, _direction(spread), self.plane()[1:])
+        return BlockFace(centre, _direction(spread), self.plane()[1:])
 
     def check_face(self, pad: np.ndarray, length: float, where: str) -> None:
         """Raise RefusedStepError if the covered taxels reach the edge of the pad or have another length."""

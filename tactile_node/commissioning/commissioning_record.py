@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_node.commissioning.block_grip import BlockGrip, Face, Print
+from tactile_node.commissioning.block_grip import BlockFace, BlockGrip, Print
 from tactile_node.commissioning.lateral_shift import HungWeight
 from tactile_node.commissioning.measurement import Estimate
 from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
@@ -96,9 +96,9 @@ def hung_from(content: Mapping[str, Any]) -> HungWeight:
     return HungWeight((before, also), (loaded, last), tuple(content['forces']))
 
 
-def faces_from(content: Mapping[str, Any]) -> tuple[Face, Face]:
+def faces_from(content: Mapping[str, Any]) -> tuple[BlockFace, BlockFace]:
     """Return the faces of the block in the jig on both pads from the JSON of the step."""
-    left, right = (Face(np.array(centre), angle, np.array(slopes)) for centre, angle, slopes in content['faces'])
+    left, right = (BlockFace(np.array(centre), angle, np.array(slopes)) for centre, angle, slopes in content['faces'])
     return left, right
 
 

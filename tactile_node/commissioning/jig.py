@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.commissioning.block_grip import MIRROR, Face
+from tactile_node.commissioning.block_grip import MIRROR, BlockFace
 from tactile_node.commissioning.measurement import Estimate
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.pad_alignment import TILT_ERROR, PadAlignment, rotation_about
@@ -43,7 +43,7 @@ class PadPlace(NamedTuple):
         return Transform(_axes(jig) @ tilted, np.array((self.x.value, self.y.value, self.z.value)))
 
 
-def check_jig(faces: Sequence[Face]) -> None:
+def check_jig(faces: Sequence[BlockFace]) -> None:
     """Raise RefusedStepError if the block is turned in the jig."""
     turn = max(abs(face.angle) for face in faces)
     if turn > MOST_TURN:
@@ -52,12 +52,13 @@ def check_jig(faces: Sequence[Face]) -> None:
                                'faces against the palm, with the block in its groove.')
 
 
-def place_left_pad(faces: tuple[Face, Face], metres: float, alignment: PadAlignment, jig: Sequence[float]) -> PadPlace:
+def place_left_pad(faces: tuple[BlockFace, BlockFace], metres: float, alignment: PadAlignment, jig: Sequence[float]
+                   ) -> PadPlace:
     """Return the place of the left pad.
 
     Parameters
     ----------
-    faces : tuple of Face
+    faces : tuple of BlockFace
         Faces of the block on the left and the right pad.
     metres : float
         Change of the opening per unit of the reading, with its sign, at the width of the block.

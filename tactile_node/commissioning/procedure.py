@@ -12,8 +12,8 @@ import numpy as np
 
 from tactile_node.commissioning import jig
 from tactile_node.commissioning.block_grip import (
+    BlockFace,
     BlockGrip,
-    Face,
     Stall,
     measure_faces,
     measure_grip,
@@ -553,7 +553,7 @@ class CommissioningProcedure:
                   'command again later with this value.')
         return {'faces': faces}
 
-    def _grip_jig(self) -> tuple[Face, Face]:
+    def _grip_jig(self) -> tuple[BlockFace, BlockFace]:
         """Return the faces of the block in the jig on both pads."""
         block = self._plan.jig_block
         stalls = self._press_block(block, Act.JIG, f'Put the block of {1e3 * block.width:g} mm into the jig, and hold '
