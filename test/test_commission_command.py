@@ -349,7 +349,7 @@ def test_a_person_commissions_a_simulated_gripper(tmp_path, monkeypatch, truth, 
 @pytest.mark.skipif(find_spec('mujoco') is None, reason='pip install -r requirements/bench_physics.txt')
 @pytest.mark.usefixtures('ros', 'control_msgs')
 def test_a_person_measures_the_skin_of_a_simulated_gripper(tmp_path):
-    """The simulated skin has no depth, so the test checks the files and the way to the driver that uses them."""
+    """The driver then gets the response, and the commissioning goes on."""
     options = ('--disc', '0.0125', '--shapes', 'circle,unknown', '--rest-time', '10', '--stop-trials', '3', '--skip',
                'foam,step,weight')
     code, text = commission(tmp_path, *options)

@@ -548,9 +548,10 @@ class CommissioningProcedure:
 
     def _jig(self) -> dict[str, Any]:
         faces = self._attempt(self._grip_jig)
+        stated = ', '.join(f'{1e3 * each:.1f}' for each in self._plan.jig[:3])
         self._ask(Act.MEASURE, 'While the gripper holds the block, measure where its centre lies along the closing '
-                  f'direction. --jig states {1e3 * self._plan.jig[1]:g} mm. If you measure another value, start the '
-                  'command again later with this value.')
+                  f'direction. --jig states the place {stated} mm in the frame of the gripper. If the centre lies '
+                  'elsewhere, start the command again later with the measured place.')
         return {'faces': faces}
 
     def _grip_jig(self) -> tuple[BlockFace, BlockFace]:
