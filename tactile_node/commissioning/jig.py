@@ -22,7 +22,7 @@ MOST_TURN = 0.1      #: Largest angle between the block and a pad about the clos
 JIG_ERROR = 1e-4     #: Deviation of the place of the block in the jig: half the tolerance of the drawing [m].
 JIG_TURN = 3.3e-3    #: Deviation of each angle of this block, which the jig guides over 30 mm [rad].
 CENTRE_ERROR = 6e-5  #: Deviation of the place of the block on the pads [m].
-TURN_ERROR = 4.5e-3  #: Deviation of the turn of the block on the pads [rad].
+TURN_ERROR = 5.6e-3  #: Deviation of the turn of the block on the pads [rad].
 #: Axes of a left pad without an error in the axes of the jig, as columns.
 ALIGNED = np.array(((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)))
 
