@@ -18,13 +18,16 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import numpy as np
-from commissioning_world import FACES, GRID, CommissioningDesk, Truth, random_truth
+from commissioning_world import ALIGNED, FACES, GRID, CommissioningDesk, Truth, random_truth
+from scipy.spatial.transform import Rotation
 
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import KEPT_SHARE, Evaluation
+from tactile_node.commissioning.jig import PadPlace
 from tactile_node.commissioning.measurement import Estimate, Verdict
 from tactile_node.commissioning.mistake import RefusedStepError
 from tactile_node.commissioning.movement import StopWay
+from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
 from tactile_node.commissioning.procedure import CommissioningProcedure
 from tactile_node.commissioning.taxel_survey import TaxelFinding
@@ -60,7 +63,8 @@ def commissioned(seed: int) -> dict[str, Any]:
     """Commission one gripper, and return each result beside the truth."""
     rng = np.random.default_rng(seed)
     truth = random_truth(rng)
-    desk, plan = CommissioningDesk(truth, rng), plan_for(truth)
+    desk = CommissioningDesk(truth, rng)
+    plan = plan_for(truth, jig=desk.jig)
     with tempfile.TemporaryDirectory() as folder:
         record = CommissioningRecord(Path(folder) / 'record.json')
         procedure = CommissioningProcedure(desk, desk, plan, record)
@@ -130,6 +134,10 @@ def _values(truth: Truth, found: Evaluation, record: CommissioningRecord) -> dic
         for name, each, true in zip(('x', 'y', 'turn', 'tilt x', 'tilt y'), alignment or (), wanted):
             values[name] = *each, true
             poses[name] = each.value - true
+    if found.left_place and found.alignment:
+        places = _places(truth, found.left_place, found.alignment)
+        values |= places
+        result['places'] = {name: value - true for name, (value, _, true) in places.items()}
     if found.held.is_known:
         true = truth.held_share + (1 - truth.held_share) * math.exp(-(60 * 7 / 8 - 3) / 8)
         values['held'] = *found.held, true
@@ -139,6 +147,19 @@ def _values(truth: Truth, found: Evaluation, record: CommissioningRecord) -> dic
     proof = record.get('proof')
     return result | {'values': values, 'poses': poses, 'closes': [close[0] for close in proof.get('closes', [])],
                      'predicted': proof.get('predicted'), 'reason': proof.get('reason', '')}
+
+
+def _places(truth: Truth, left: PadPlace, alignment: PadAlignment) -> dict[str, tuple[float, float, float]]:
+    """Return each coordinate of both pads, and each angle of the left one, with its deviation and the truth."""
+    offset = np.array((alignment.offset_x.value, alignment.offset_y.value))
+    pose = left.pose((0.0,) * 6)
+    places = zip(('left', 'right'), (pose.translation, pose.translation + pose.rotation[:, :2] @ offset),
+                 (0.0, alignment.offset_x.deviation), (truth.place, truth.place + truth.axes[:, :2] @ truth.offset))
+    found = {f'place {pad} {axis}': (float(value), math.hypot(left.x.deviation, error), float(true))
+             for pad, values, error, trues in places for axis, value, true in zip('xyz', values, trues)}
+    turn, tilt_x, tilt_y = Rotation.from_matrix(ALIGNED.T @ truth.axes).as_euler('ZYX')
+    return found | {f'place {name}': (*each, float(true)) for name, each, true in (
+        ('turn', left.turn, turn), ('tilt x', left.tilt_x, tilt_x), ('tilt y', left.tilt_y, -tilt_y))}
 
 
 def print_bars(done: list[dict[str, Any]]) -> None:
@@ -164,6 +185,13 @@ def print_bars(done: list[dict[str, Any]]) -> None:
         errors = np.abs([each['poses'][name] for each in done if name in each['poses']])
         limit = 5e-4 if name in 'xy' else math.radians(1)
         print(f'pose {name}: within the limit {_percent(errors <= limit)} (95 %)')
+    placed = [each['places'] for each in done if 'places' in each]
+    lengths = np.abs([[error for name, error in each.items() if name[-1] in 'xyz' and 'tilt' not in name]
+                      for each in placed])
+    turns = np.abs([[error for name, error in each.items() if 'turn' in name or 'tilt' in name] for each in placed])
+    print(f'places with a jig: {len(placed)} grippers, coordinates within 0.5 mm '
+          f'{_percent(lengths <= 5e-4)} (95 %), largest error {1e3 * lengths.max():.2f} mm; angles within 1 degree '
+          f'{_percent(turns <= math.radians(1))}, largest error {math.degrees(turns.max()):.2f} degrees')
     pooled: dict[str, list[bool]] = {}
     for each in done:
         for name, (value, deviation, true) in each['values'].items():

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tactile_node.commissioning.commissioned_gripper import Act, Question
 from tactile_node.commissioning.mistake import Mistake
@@ -34,6 +35,10 @@ STALL_SCATTER = 0.02    #: Relative standard deviation of the force at a stall.
 RELAX_AFTER = 3.0       #: Time after the last command from which a gripper that relaxes loses force [s].
 RELAX_TIME = 8.0        #: Time constant of this loss [s].
 PRESS_ERROR = 0.0012    #: Standard deviation of the place of a finger [m].
+JIG_ERROR = 1e-4        #: Standard deviation of each coordinate of the block in the jig [m].
+#: Axes of a left pad without an error in the frame of the gripper (z to the tip, y to the right pad), as columns.
+ALIGNED = np.array(((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)))
+JIG_TURN = 3.3e-3       #: Standard deviation of each angle of the block in the jig [rad].
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,8 @@ class Truth:
     frame_delay: float
     joint_period: float
     shift_per_load: float         #: [m]
+    place: np.ndarray             #: centre of the left pad of the closed gripper, in the frame of the gripper [m]
+    axes: np.ndarray              #: axes of the left pad in this frame as columns; x and y seen with the fingertip up
 
     @property
     def span(self) -> float:
@@ -100,6 +107,8 @@ def random_truth(rng: np.random.Generator) -> Truth:
     angle = rng.uniform(0, 2 * np.pi)
     towards = rng.uniform(0, 2 * np.pi)
     most_effort = float(rng.choice((1.0, 10.0, 40.0, 100.0)))
+    other = rng.spawn(1)[0]  # does not change the numbers that follow
+    lean = np.append(np.radians(other.uniform(-1.5, 1.5, 2)), np.radians(other.uniform(-3, 3)))
     return Truth(
         unit, gap, low, high, closes_rising, latency=rng.uniform(0.01, 0.2), jitter=rng.uniform(0, 0.005),
         braking=rng.uniform(0, 0.04), step=float(np.exp(rng.uniform(*np.log((5e-5, 1e-3))))) / metres,
@@ -116,7 +125,9 @@ def random_truth(rng: np.random.Generator) -> Truth:
         faulty=tuple(_random_faulty(rng) for _ in range(2)), noise=rng.uniform(0.002, 0.005),
         drift=(rng.normal(0, 1e-5), rng.normal(0, 1e-5)), losses=float(rng.choice((0.0, rng.uniform(0, 0.02)))),
         frame_period=float(rng.choice((0.01, 0.02))), frame_delay=rng.uniform(0.003, 0.02),
-        joint_period=float(rng.choice((0.008, 0.01, 0.02))), shift_per_load=rng.uniform(0.002, 0.006))
+        joint_period=float(rng.choice((0.008, 0.01, 0.02))), shift_per_load=rng.uniform(0.002, 0.006),
+        place=np.array((0, 0, 0.12)) + other.uniform(-0.005, 0.005, 3),
+        axes=ALIGNED @ Rotation.from_rotvec(lean).as_matrix())
 
 
 def _random_law(rng: np.random.Generator, unit: str, widest: float) -> tuple[Callable[[float], float], float, float,
@@ -159,7 +170,8 @@ class FlatObject:
     y: float
     angle: float
     share: float = 1.0   #: stiffness, as a share of that of a hard block
-    skew: float = 0.0    #: angle between the block and the middle between the pads [rad]
+    #: slopes of the block along x and y against the middle between the pads [rad]
+    skew: np.ndarray = field(default_factory=lambda: np.zeros(2))
     slides: float = 0.0  #: speed along y [m/s]
     number: int = 0      #: number of the object, which tells objects apart
 
@@ -223,6 +235,14 @@ class CommissioningDesk:
         self._objects = 0
         self.weight = 5.0   #: load of the weight that the person hangs [N]
         self.strongest = 0.0  #: largest true force on a pad since it was last set to 0 [N]
+        other = rng.spawn(1)[0]  # does not change the numbers that follow
+        block = truth.place + truth.axes[:, :2] @ (truth.offset / 2 + other.uniform(-0.001, 0.001, 2))
+        errors = JIG_ERROR * other.standard_normal(3)
+        #: pose of the block in the jig in the frame of the gripper, as the person states it. The jig holds the block
+        #: along x and z, and the person measures y.
+        self.jig = *(block + errors), 0.0, 0.0, 0.0
+        self._jig_block = block
+        self._jig_turn = Rotation.from_rotvec(JIG_TURN * other.standard_normal(3))
 
     def _springs_of(self, pad: int) -> np.ndarray:
         """Return the place of each spring of a pad in the frame of the left pad, (rows, cols, FINE^2, 2) [m]."""
@@ -387,8 +407,8 @@ class CommissioningDesk:
         assert held is not None
         _, places, share = self._held(pad)
         overlap = held.width - gap - places @ self.truth.tilt
-        if held.skew:
-            overlap = overlap + (2 if pad else -2) * held.skew * (places[:, 0] - held.x)
+        if held.skew.any():
+            overlap = overlap + (2 if pad else -2) * (places - (held.x, held.y)) @ held.skew
         per_spring = self.truth.stiffness / (0.018 * FACE_DEPTH) * (GRID.pitch / FINE) ** 2 * held.share
         return per_spring * share * np.maximum(overlap, 0)
 
@@ -506,8 +526,8 @@ class CommissioningDesk:
         self._time += 2.0
         self._frame_at = self._joint_at = self._time
         acts = {Act.PRESS: self._press, Act.STROKE: self._stroke, Act.BLOCK: self._insert, Act.FOAM: self._insert,
-                Act.OBJECT: self._insert, Act.CLEAR: self._clear, Act.WEIGHT: self._hang, Act.CONSENT: self._consent,
-                Act.DIRECTION: self._direction, Act.REPEAT: self._repeat}
+                Act.OBJECT: self._insert, Act.JIG: self._insert_jig, Act.CLEAR: self._clear, Act.WEIGHT: self._hang,
+                Act.CONSENT: self._consent, Act.DIRECTION: self._direction, Act.REPEAT: self._repeat}
         return acts[question.act](question) if question.act in acts else question.choices[0]
 
     def _press(self, question: Question) -> str:
@@ -549,12 +569,22 @@ class CommissioningDesk:
                           FACE_DEPTH, *centre, math.radians(self._rng.uniform(-8, 8)),
                           share=FOAM_STIFFNESS / (FOAM_STIFFNESS + self.truth.stiffness) if is_foam else 1.0)
         if question.act is Act.BLOCK and self._makes(Mistake.BLOCK_ASKEW):
-            held.skew = math.radians(5)
+            held.skew = np.array((math.radians(5), 0.0))
         if question.act is Act.BLOCK and self._makes(Mistake.BLOCK_SLID):
             held.slides = 0.0005
         self._objects += 1
         held.number = self._objects
         self._object = held
+        return 'done'
+
+    def _insert_jig(self, question: Question) -> str:
+        """Set the jig with the block on the palm, as `_insert` does with a free block."""
+        self._insert(Question(Act.BLOCK, question.text, width=question.width))
+        if self._object is not None:
+            axes = self.truth.axes.T @ self._jig_turn.as_matrix()  # axes of the block, seen from the left pad
+            self._object.x, self._object.y, _ = self.truth.axes.T @ (self._jig_block - self.truth.place)
+            self._object.angle = math.atan2(axes[1, 0], axes[0, 0]) % math.pi
+            self._object.skew = self._object.skew - axes[:2, 1] / axes[2, 1] - self.truth.tilt / 2
         return 'done'
 
     def _clear(self, question: Question) -> str:

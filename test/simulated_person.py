@@ -25,6 +25,11 @@ GRIPPER = ('--joint', 'hand_gap', '--unit', 'm', '--limits', '0', '0.09', '--mos
            '--action', 'hand/gripper_cmd')
 
 
+#: Place of the hand along x [m], and force [N], of each touch of an object with which a recording is made.
+TOUCHES = (0.0, 2), (0.002, 4), (-0.002, 6), (0.001, 8), (-0.001, 12), (0.0015, 3), (-0.0015, 5), (0.0005, 10)
+UNKNOWN = 'ball', 'bottle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle', 'block_25', 'block_40'
+
+
 class Process:
     """Runs a process on a pseudo-terminal, and collects the text that the process prints."""
 
@@ -66,6 +71,7 @@ class SimulatedPerson:
         self._gripper, self._command = gripper, command
         self._answered = 0  # number of characters that were read
         self._before = 0.0
+        self._touching = threading.Thread()
 
     def run(self):
         """Answer all questions, and return the exit code of the command."""
@@ -94,12 +100,21 @@ class SimulatedPerson:
         if 'Start?' in text:
             self._before = self.gap()
             return 'yes'
-        if 'in your reach' in text:
+        if 'stop in your reach' in text or 'shall they be used' in text:
             return 'yes'
         if 'How have the fingers moved?' in text:
             change = self.gap() - self._before
             return 'not moved' if abs(change) < 1e-4 else 'opened' if change > 0 else 'closed'
-        if found := re.search(r'Hold the (left|right) pad .* press the (.*) for', text):
+        self._act(text)
+        return ''
+
+    def _act(self, text):
+        """Do what a question asks for."""
+        if items := self._items(text):
+            self._touch(items)
+        elif 'Take the object away' in text:
+            self._touching.join()
+        elif found := re.search(r'Hold the (left|right) pad .* press the (.*) for', text):
             self._press(found[1], found[2])
         elif found := re.search(r'Press everywhere on the (left|right)', text):
             threading.Thread(target=self._stroke, args=(found[1],), daemon=True).start()
@@ -112,11 +127,30 @@ class SimulatedPerson:
             self._hold('square')
         elif 'Hold the block' in text:
             self._hold('block_40')
-        return ''
 
     def _hold(self, item):
         self._gripper.type(f'item {item}')
         time.sleep(0.5)
+
+    @staticmethod
+    def _items(text):
+        """Return the items for the touches that a question asks for, or an empty list."""
+        if 'each time with a different object' in text:
+            return UNKNOWN
+        found = 'disc' if 'Press the flat disc' in text else re.search("with the object '(.*)'|$", text)[1]
+        return [found] * len(TOUCHES) if found else []
+
+    def _touch(self, items):
+        """Start to press each item once between the pads."""
+        self._touching = threading.Thread(target=self._close_on, args=(items,), daemon=True)
+        self._touching.start()
+
+    def _close_on(self, items):
+        time.sleep(2.5)  # nothing may touch the pad when the recording begins
+        for item, (x, force) in zip(items, TOUCHES):
+            for order, seconds in ((f'item {item}', 0.7), (f'move x={x}', 0.5), (f'close {force}', 2.5), ('open', 2.0)):
+                self._gripper.type(order)
+                time.sleep(seconds)
 
     def _press(self, pad, place):
         """Press a place, seen with the fingertip up. The rows of the left pad run to the tip, those of the right pad

@@ -132,6 +132,18 @@ def test_a_wrong_value_for_a_parameter_of_ros_ends_with_a_sentence(value, tmp_pa
     assert error.startswith('tactile: error: ') and '\n' not in error and 'use_sim_time' in error
 
 
+def test_two_parameter_files_are_both_used_and_the_later_one_wins(tmp_path):
+    from tactile_node.cli.bringup import _params_files, describe_nodes
+    from tactile_node.cli.main import _parser
+    from tactile_node.nodes.run import running
+    files = [tmp_path / name for name in ('mine.yaml', 'measured.yaml')]
+    for file, values in zip(files, ('sync_period: 0.07, heartbeat_timeout: 3.0', 'heartbeat_timeout: 4.0')):
+        file.write_text(f'/**/skin_driver: {{ros__parameters: {{{values}}}}}\n')
+    args = _parser('bringup').parse_args(['bringup', '--params-file', str(files[0]), '--params-file', str(files[1])])
+    with running(describe_nodes(args, ''), _params_files(args)) as (system, _):
+        assert [system.driver.get_parameter(name).value for name in ('sync_period', 'heartbeat_timeout')] == [0.07, 4.0]
+
+
 def test_a_missing_parameter_file_is_reported(capsys):
     assert main(['bringup', '--interface', 'virtual', '--params-file', '/nowhere.yaml']) == 2
     assert 'a ROS 2 parameter file' in capsys.readouterr().err

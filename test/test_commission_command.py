@@ -20,14 +20,16 @@ from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalRespons
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from sensor_msgs.msg import JointState
-from simulated_person import ROOT, SLOW, Process, commission
+from simulated_person import PADS, ROOT, SLOW, Process, commission
 
-from tactile_node.cli.commission import Terminal
-from tactile_node.cli.main import main
+from tactile_node.cli.commission import Terminal, _plan
+from tactile_node.cli.main import _parser, main
 from tactile_node.commissioning.commissioned_gripper import Act, Question
+from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.force import map_effort
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.movement import StopTrial
+from tactile_node.commissioning.recording import PadGrid
 from tactile_node.errors import ConfigurationError
 from tactile_node.gripper.ros_gripper import RosGripper
 from tactile_node.nodes.spinner import spinning
@@ -341,6 +343,27 @@ def test_a_person_commissions_a_simulated_gripper(tmp_path, monkeypatch, truth, 
         assert code == 0, text
 
 
+@pytest.mark.ros
+@pytest.mark.bus
+@pytest.mark.long
+@pytest.mark.skipif(find_spec('mujoco') is None, reason='pip install -r requirements/bench_physics.txt')
+@pytest.mark.usefixtures('ros', 'control_msgs')
+def test_a_person_measures_the_skin_of_a_simulated_gripper(tmp_path):
+    """The driver then gets the response, and the commissioning goes on."""
+    options = ('--disc', '0.0125', '--shapes', 'circle,unknown', '--rest-time', '10', '--stop-trials', '3', '--skip',
+               'foam,step,weight')
+    code, text = commission(tmp_path, *options)
+    assert code == 2 and 'expected the response of the skin' in text, text
+    steps = json.loads((tmp_path / 'record.json').read_text())['steps']
+    assert steps.keys() == {'plan', 'response', 'assessment'}
+    assert '8 touches' in steps['response']['text'] and 'unknown' in steps['assessment']['text']
+    parameters = yaml.safe_load((tmp_path / 'parameters.yaml').read_text())
+    assert parameters['/**/skin_driver']['ros__parameters'] == {'response_files': [steps['response']['file']]}
+    measured = *PADS, str(tmp_path / 'parameters.yaml'), '--params-file', str(tmp_path / 'slow.yaml')
+    _, text = commission(tmp_path, *options, driver=measured)
+    assert 'rest' in json.loads((tmp_path / 'record.json').read_text())['steps'], text
+
+
 def mirrored_layout(folder):
     """Write the layout of the simulated skin with the columns in the other direction, and return its file."""
     text = (ROOT / 'config' / 'sim16x16.yaml').read_text()
@@ -357,9 +380,7 @@ def ready_record(folder):
     """Write a record in which rest and pads are finished, and return its file."""
     from dataclasses import asdict
 
-    from tactile_node.commissioning.commissioning_record import CommissioningRecord
     from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
-    from tactile_node.commissioning.recording import PadGrid
     path = folder / 'record.json'
     record = CommissioningRecord(path)
     plan = CommissioningPlan(PadGrid(4, 4, float(np.float32(0.002))), 'finger', 'm', 0.0, 0.08, 40.0,
@@ -384,7 +405,8 @@ class Typed(io.StringIO):
 
 @pytest.mark.parametrize(('words', 'named'), [
     ((), '--joint'), ((*FIRST, '--pads', 'left'), '--pads'), ((*FIRST, '--skip', 'rest'), '--skip'),
-    ((*FIRST, '--check'), 'Commission the gripper first'), ((*FIRST, '--blocks', '0.01'), '--blocks')])
+    ((*FIRST, '--jig', '0,0'), '--jig'), ((*FIRST, '--check'), 'Commission the gripper first'),
+    ((*FIRST, '--blocks', '0.01'), '--blocks')])
 def test_a_wrong_option_is_named_before_anything_is_connected(tmp_path, capsys, monkeypatch, words, named):
     monkeypatch.setattr('sys.stdin', Typed())
     assert main(['commission', '--output', str(tmp_path), *words]) == 2
@@ -396,6 +418,17 @@ def test_another_gripper_needs_another_record(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr('sys.stdin', Typed())
     assert main(['commission', '--output', str(tmp_path), '--most-effort', '50']) == 2
     assert 'expected 40' in capsys.readouterr().err
+
+
+def test_a_later_run_may_state_another_place_of_the_jig(tmp_path):
+    path, grid = ready_record(tmp_path), PadGrid(4, 4, float(np.float32(0.002)))
+
+    def jig(*words):
+        args = _parser('commission').parse_args(['commission', '--output', str(tmp_path), *words])
+        return _plan(args, CommissioningRecord(path), grid).jig
+    assert jig() == ()
+    assert jig('--jig', '0,0,0.1') == (0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+    assert jig('--jig=-0.002,0.001,0.1,0,0,1.5') == jig() == (-0.002, 0.001, 0.1, 0.0, 0.0, 1.5)
 
 
 def test_an_answer_that_was_typed_before_the_question_is_no_consent():

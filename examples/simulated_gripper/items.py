@@ -1,5 +1,5 @@
 """Items on the table: the five shapes as prisms, a ball, a bottle, a bar, a fragile block, a slippery block and gauge
-blocks."""
+blocks, and the disc for `tactile calibrate`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -81,6 +81,7 @@ ITEMS: Mapping[str, Item] = MappingProxyType({
     'bar': Item(_lying('rectangle', 0.060, 0.014), length=0.04, mass=0.08),
     'fragile': Item(_BLOCK, strength=6.0),
     'slippery': Item(_BLOCK, friction=0.1),
+    'disc': Item(_lying('circle', 0.0125)),
     'block_25': _gauge_block(0.025, 0.022), 'block_40': _gauge_block(0.040, 0.018),
     'block_55': _gauge_block(0.055, 0.014)})
 

@@ -85,7 +85,8 @@ OPTIONS = {
                    'nodes that turn taxels into shapes and grasps, on any host (default: all nodes)',
                    choices=tuple(side.value for side in Side)),
     'use_sim_time': Option('true: take the time from /clock', switch),
-    'params_file': Option('ROS 2 parameter file for all nodes; an option or argument overrides its value in the file')}
+    'params_file': Option('ROS 2 parameter file for all nodes; an option or argument overrides its value in the file. '
+                          'As an option, it may be repeated, and a later file overrides an earlier one')}
 #: arguments of the launch file
 ARGUMENTS = {
     **OPTIONS, 'gripper_action': Option("name of the gripper's own action, such as gripper_controller/gripper_cmd; "
@@ -161,6 +162,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             more = {'metavar': 'BOOL', **({'nargs': '?', 'const': True} if name == 'simulate' else {})}
         elif option.read in (names, node_ids):
             more = {'metavar': 'VALUE,...', 'action': 'extend'}
+        elif name == 'params_file':
+            more |= {'action': 'append', 'default': []}
         (source if name in ('simulate', 'replay') else parser).add_argument(
             *words, type=option.read, help=option.description.replace('%', '%%'), **more)
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
@@ -177,7 +180,7 @@ def run(args: argparse.Namespace) -> int:
             stop_with(args.end_with, stop_requested)
         given = without_global_names(args.ros_args)
         nodes = describe_nodes(args, given.namespace or args.namespace)
-        ros_arguments = [*given.arguments, *_params_file(args)]
+        ros_arguments = [*given.arguments, *_params_files(args)]
         if args.simulate and any(node.role is Role.DRIVER for node in nodes):
             _simulate(args, stack)
         from tactile_node.nodes.replay import play  # a late import, because `tactile --help` must work without ROS
@@ -190,17 +193,16 @@ def run(args: argparse.Namespace) -> int:
         return 0
 
 
-def _params_file(args: argparse.Namespace) -> list[str]:
-    """Return the ROS arguments for the parameter file.
+def _params_files(args: argparse.Namespace) -> list[str]:
+    """Return the ROS arguments for the parameter files. A later file overrides an earlier one.
 
     A missing file is reported here, because rcl would log a second error and launch_ros would ignore the file.
     """
-    if not args.params_file:
-        return []
-    if not os.path.isfile(args.params_file):
-        raise ConfigurationError('parameter file', expected='a ROS 2 parameter file (YAML)',
-                                 got=f'{args.params_file!r}, which is not a file', remedy='Check its path.')
-    return ['--params-file', args.params_file]
+    for file in args.params_file:
+        if not os.path.isfile(file):
+            raise ConfigurationError('parameter file', expected='a ROS 2 parameter file (YAML)',
+                                     got=f'{file!r}, which is not a file', remedy='Check its path.')
+    return [word for file in args.params_file for word in ('--params-file', file)]
 
 
 def _simulate(args: argparse.Namespace, stack: ExitStack) -> None:

@@ -6,8 +6,9 @@
 
 The command asks you for each action, and moves the gripper after your consent (docs/commissioning.md). It needs a
 running driver of both pads, the gripper's own action (ParallelGripperCommand) and joint states. Ctrl-C stops the
-gripper. The folder of --output gets the results of each step (record.json), the parameters (parameters.yaml) and the
-report (report.md, report.json). The exit code is 1 if a step was refused, or if --check finds a change.
+gripper. After each step, the command prints the values that the step has found. The folder of --output gets the results
+of each step (record.json), the parameters (parameters.yaml) and the report (report.md, report.json). The exit code is 1
+if a step was refused, or if --check finds a change.
 """
 
 import argparse
@@ -16,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from datetime import datetime
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -66,6 +68,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                        'length of its faces [m] (default: 0.010:0.022,0.025:0.018,0.040:0.014)')
     add_number(tools, '--weight', limits={'above': 0, 'unit': 'kg'}, metavar='KG', help='mass of the weight [kg] '
                '(default: 0.5)')
+    tools.add_argument('--jig', type=names, metavar='X,Y,Z[,ROLL,PITCH,YAW]', help='place of the block in the jig, in '
+                       'the frame of the gripper [m], and the angles of the jig [rad] (default: no jig, so the poses '
+                       'of the pads are relative only). A later run may state another place')
     tools.add_argument('--down', choices=DOWN, help='direction of gravity on the left pad, seen with the fingertip up '
                        '(default: base)')
     add_number(tools, '--rest-time', limits={'least': 10, 'unit': 's'}, metavar='S', help='duration of the recording '
@@ -75,8 +80,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_number(tools, '--stop-trials', int, limits={'least': 3}, metavar='N', help='number of trials of each way to '
                'stop (default: 20)')
     tools.add_argument('--skip', type=names, default=[], metavar='STEP,...', help='steps to leave out: '
-                       'foam, block, step, weight, proof. Steps that need them are left out too, and the values of all '
-                       'these steps are missing')
+                       'foam, block, jig, step, weight, proof. Steps that need them are left out too, and the values '
+                       'of all these steps are missing')
     skin = parser.add_argument_group('skin', 'Nothing may touch the pad when a recording begins.')
     add_number(skin, '--disc', limits={'above': 0, 'unit': 'm'}, metavar='RADIUS', help='press a flat disc of this '
                'radius [m] for `tactile calibrate`, before the gripper moves (default: left out)')
@@ -205,8 +210,20 @@ def _check(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', f
 
 def _procedure(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', record: 'CommissioningRecord'
                ) -> Any:
+    from tactile_node.commissioning.evaluation import Evaluation
     from tactile_node.commissioning.procedure import CommissioningProcedure
-    return CommissioningProcedure(gripper, person, plan, record, lambda step: person.say(f'\n== {step} =='))
+    from tactile_node.commissioning.report import found_lines
+    said = found_lines(Evaluation(record, plan))
+
+    def say_results(step: str, reason: str) -> None:
+        """Print each line that the results of the step have changed."""
+        lines = found_lines(Evaluation(record, plan))
+        new = [line for line in lines if line not in said]
+        said[:] = lines
+        person.say('\n'.join([f'\n{step}: {f"nothing found, because {reason}" if reason else "finished"}',
+                              *(f'  {line}' for line in new)]))
+    return CommissioningProcedure(gripper, person, plan, record, lambda step: person.say(f'\n== {step} =='),
+                                  say_results)
 
 
 def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', folder: Path, person: Terminal) -> None:
@@ -272,6 +289,8 @@ def _check_options(args: argparse.Namespace) -> None:
     if args.pads and len(set(args.pads)) != 2:
         raise ConfigurationError('--pads', expected='two names', got=', '.join(args.pads),
                                  remedy='Give, for example, --pads left,right.')
+    if args.jig:
+        _jig(args.jig)
     if wrong := [step for step in args.skip if step not in OPTIONAL]:
         raise ConfigurationError('--skip', expected=f'one of {", ".join(OPTIONAL)}', got=', '.join(wrong),
                                  remedy='All other steps are needed.')
@@ -329,12 +348,22 @@ def _plan(args: argparse.Namespace, record: 'CommissioningRecord', grid: 'PadGri
     stated = _stated(args, record)
     blocks = [asdict(_block(each)) for each in ('0.010:0.022', '0.025:0.018', '0.040:0.014')]
     plan = plan_from({'blocks': blocks, 'weight': GRAVITY / 2, 'down': DOWN['base'], 'grid': grid} | stated)
+    if args.jig:
+        plan = replace(plan, jig=_jig(args.jig))
     if plan.grid != grid:
         raise ConfigurationError('pads', expected=f'{plan.grid} as in the record', got=str(grid),
                                  remedy='Give another --output for other pads.')
-    if 'plan' not in record:
+    if 'plan' not in record or list(plan.jig) != record['plan'].get('jig', []):
         record.save('plan', asdict(plan))
     return plan
+
+
+def _jig(values: Sequence[str]) -> tuple[float, ...]:
+    found = tuple(number(each, '--jig', least=-inf, remedy='For example 0,0,0.12.') for each in values)
+    if len(found) not in (3, 6):
+        raise ConfigurationError('--jig', expected='x, y, z [m], and optionally roll, pitch, yaw [rad]',
+                                 got=f'{len(found)} numbers', remedy='For example 0,0,0.12.')
+    return (*found, 0.0, 0.0, 0.0)[:6]
 
 
 def _block(text: str) -> 'GaugeBlock':

@@ -20,9 +20,9 @@ from tactile_node.output_file import output_file
 from tactile_node.taxel_frame import TaxelFrame
 
 DISC = 'circle'  #: name under which `tactile assess` knows the disc of `tactile calibrate`
-HOW = {DISC: 'Press the flat disc onto the pad {pad} at six or more places, lightly and firmly.',
-       'unknown': 'Touch the pad {pad} 8 times or more, each time with a different object of an unknown shape.'}
-OTHERS = 'Touch the pad {pad} 8 times or more with the object {name!r}. Rotate the object between the touches.'
+HOW = {DISC: 'Press the flat disc onto the pad {pad!r} at six or more places, lightly and firmly.',
+       'unknown': 'Touch the pad {pad!r} 8 times or more, each time with a different object of an unknown shape.'}
+OTHERS = 'Touch the pad {pad!r} 8 times or more with the object {name!r}. Rotate the object between the touches.'
 ENDING = ' Keep away from the edges, and lift the object between the touches.'
 
 

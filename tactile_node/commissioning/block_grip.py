@@ -21,7 +21,7 @@ COVERED_SHARE = 0.5     #: A taxel lies on the block if its stiffness is this sh
 UPPER_SHARE = 0.35      #: The stiffness is that above this share of the largest force.
 WHOLE_SHARE = 0.75      #: A taxel that is covered wholly has this share of the typical stiffness.
 LENGTH_ERROR = 0.0022   #: Largest difference between the length of a face and of its print on the skin [m].
-MOST_SKEW = 0.1         #: Largest difference between the slopes of the block against the two pads [rad].
+MOST_SKEW = 0.1         #: Largest difference between the slopes of a free block against the two pads [rad].
 MOST_SLID = 0.0007      #: Largest movement of the block between two stalls [m].
 MIRROR = np.diag((-1.0, 1.0))  #: Converts (x, y) on the right pad, which faces the left one, to directions on the left.
 
@@ -52,6 +52,17 @@ class Print(NamedTuple):
     angle: float        #: direction of the longer side, from -pi/2 to pi/2 [rad]
 
 
+class BlockFace(NamedTuple):
+    """The covered part of a pad under a block, in the frame of the pad seen with the fingertip up.
+
+    Unlike a `Print`, the face does not depend on the forces, which a tilted pad shares unevenly.
+    """
+
+    centre: np.ndarray  #: (x, y) from the centre of the pad [m]
+    angle: float        #: direction of the longer side, from -pi/2 to pi/2 [rad]
+    slopes: np.ndarray  #: change of the reading at which the taxels touch the block, along x and y, (2,) [reading/m]
+
+
 class BlockGrip(NamedTuple):
     """A block between the pads."""
 
@@ -66,7 +77,7 @@ class BlockGrip(NamedTuple):
 
 
 def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray], width: float, length: float,
-                 metres: float) -> BlockGrip:
+                 metres: float, most_skew: float = MOST_SKEW) -> BlockGrip:
     """Return the measured grip of a block.
 
     Parameters
@@ -79,6 +90,8 @@ def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray],
         Width of the block, and length of its faces on the pads [m].
     metres : float
         Rough change of the opening per unit of the reading, with its sign, for the checks.
+    most_skew : float
+        Largest difference between the slopes of the block against the two pads [rad].
 
     Raises
     ------
@@ -96,7 +109,7 @@ def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray],
                                got='a few loaded taxels', remedy='Lay the faces of the block flat on both pads.')
     left, right = (plane.plane() for plane in planes)
     skew = float(np.abs((left - right * (1, -1, 1))[1:]).max() * abs(metres))
-    if skew > MOST_SKEW:
+    if skew > most_skew:
         raise RefusedStepError(where, Mistake.BLOCK_ASKEW, expected='a block that lies flat on both pads',
                                got=f'{np.degrees(skew):.0f} degrees between the block and the pads',
                                remedy='Let go of the block once the gripper holds it.')
@@ -114,6 +127,12 @@ def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray],
                      float(np.mean([np.diff(stall.forces)[0] / 2 / stall.force for stall in stalls])))
 
 
+def measure_faces(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray]) -> tuple[BlockFace, BlockFace]:
+    """Return the faces of a block on the left and on the right pad, from stalls that `measure_grip` has checked."""
+    left, right = (_TaxelLines.of(stalls, number, places[number]).face() for number in (0, 1))
+    return left, right
+
+
 def stiffness_of(stalls: Sequence[Stall]) -> Estimate:
     """Return the force per change of the reading over the larger forces."""
     forces = np.array([stall.force for stall in stalls])
@@ -129,11 +148,21 @@ def print_of(image: np.ndarray, places: np.ndarray) -> Print:
     """Return the print that the forces on a pad show, by its moments."""
     forces = np.nan_to_num(image).ravel()
     weights = np.where(forces >= LEAST_LOAD, forces, 0)
+    centre, spread = _moments(places.reshape(-1, 2), weights)
+    return Print(centre, _direction(spread))
+
+
+def _moments(places: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean of places with weights, (2,), and their covariance, (2, 2)."""
     weights = weights / max(float(weights.sum()), 1e-9)
-    at = places.reshape(-1, 2)
-    centre = weights @ at
-    (xx, xy), (_, yy) = (at - centre).T @ ((at - centre) * weights[:, np.newaxis])
-    return Print(centre, float(np.arctan2(2 * xy, xx - yy) / 2))
+    centre = weights @ places
+    return centre, (places - centre).T @ ((places - centre) * weights[:, np.newaxis])
+
+
+def _direction(spread: np.ndarray) -> float:
+    """Return the direction of the longer side of a covariance [rad]."""
+    (xx, xy), (_, yy) = spread
+    return float(np.arctan2(2 * xy, xx - yy) / 2)
 
 
 def repair(image: np.ndarray, is_faulty: np.ndarray) -> np.ndarray:
@@ -189,6 +218,11 @@ class _TaxelLines(NamedTuple):
         plane: np.ndarray = np.linalg.lstsq(system, self.onsets * weights, rcond=None)[0]
         return plane
 
+    def face(self) -> BlockFace:
+        """Return the covered part of the pad."""
+        centre, spread = _moments(self.places, np.minimum(np.abs(self.slopes) / self.level, 1.0))
+        return BlockFace(centre, _direction(spread), self.plane()[1:])
+
     def check_face(self, pad: np.ndarray, length: float, where: str) -> None:
         """Raise RefusedStepError if the covered taxels reach the edge of the pad or have another length."""
         stiffness = np.abs(self.slopes)
@@ -199,9 +233,8 @@ class _TaxelLines(NamedTuple):
         if (np.abs(covered) > limits).any():
             raise RefusedStepError(where, Mistake.BLOCK_OFF_CENTRE, expected='a block in the middle of the pads',
                                    got='a block at the edge of a pad', remedy='Put the block in the middle.')
-        share = np.minimum(stiffness / level, 1.0)
-        centred = self.places - share @ self.places / share.sum()
-        variance = np.linalg.eigvalsh(centred.T @ (centred * share[:, np.newaxis]) / share.sum())[-1]
+        _, spread = _moments(self.places, np.minimum(stiffness / level, 1.0))
+        variance = np.linalg.eigvalsh(spread)[-1]
         found = float(np.sqrt(12 * max(variance - pitch ** 2 / 12, 0)))
         if abs(found - length) > LENGTH_ERROR:
             raise RefusedStepError(where, Mistake.OTHER_BLOCK, expected=f'a face of {1e3 * length:.1f} mm length',

@@ -42,6 +42,8 @@ class Act(Enum):
     CLEAR = 'take everything out of the gripper'
     WEIGHT = 'hang the weight on the object'
     OBJECT = 'hold the object between the pads'
+    JIG = 'set the jig with a block on the palm'
+    MEASURE = 'measure where the gripper holds the block'
     REUSE = 'say whether a recording is used again'
     REPEAT = 'correct a mistake before a part is repeated'
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_node.commissioning.block_grip import BlockGrip, Print
+from tactile_node.commissioning.block_grip import BlockFace, BlockGrip, Print
 from tactile_node.commissioning.lateral_shift import HungWeight
 from tactile_node.commissioning.measurement import Estimate
 from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
@@ -78,7 +78,7 @@ def plan_from(content: Mapping[str, Any]) -> CommissioningPlan:
     """Return a plan from the JSON of its fields."""
     blocks = tuple(GaugeBlock(**each) for each in content['blocks'])
     lists = {'grid': PadGrid(*content['grid']), 'blocks': blocks, 'down': tuple(content['down']),
-             'pads': tuple(content.get('pads', CommissioningPlan.pads))}
+             'pads': tuple(content.get('pads', CommissioningPlan.pads)), 'jig': tuple(content.get('jig', ()))}
     return CommissioningPlan(**dict(content) | lists)
 
 
@@ -94,6 +94,12 @@ def hung_from(content: Mapping[str, Any]) -> HungWeight:
     """Return a grip with a weight from the JSON of its fields."""
     (before, also), (loaded, last) = (map(print_from, content[name]) for name in ('before', 'loaded'))
     return HungWeight((before, also), (loaded, last), tuple(content['forces']))
+
+
+def faces_from(content: Mapping[str, Any]) -> tuple[BlockFace, BlockFace]:
+    """Return the faces of the block in the jig on both pads from the JSON of the step."""
+    left, right = (BlockFace(np.array(centre), angle, np.array(slopes)) for centre, angle, slopes in content['faces'])
+    return left, right
 
 
 def print_from(content: tuple[list[float], float]) -> Print:

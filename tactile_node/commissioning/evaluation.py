@@ -10,12 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.commissioning.block_grip import BlockGrip
-from tactile_node.commissioning.commissioning_record import CommissioningRecord, grip_from, hung_from
+from tactile_node.commissioning.commissioning_record import CommissioningRecord, faces_from, grip_from, hung_from
 from tactile_node.commissioning.force import Close, EffortMap, map_effort, predict_overshoot
+from tactile_node.commissioning.jig import PadPlace, place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_of, shift_per_load
 from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, Measurement, Verdict
 from tactile_node.commissioning.movement import StopCount, StopTrial, StopWay, start_latency, stop_latency
-from tactile_node.commissioning.opening_law import OpeningLaw, chord_error, find_law, speed_at
+from tactile_node.commissioning.opening_law import LEAST_BLOCKS, OpeningLaw, chord_error, find_law, speed_at
 from tactile_node.commissioning.pad_alignment import PadAlignment, find_alignment
 from tactile_node.commissioning.pad_mounting import PadMounting
 from tactile_node.commissioning.plan import CommissioningPlan
@@ -93,6 +94,15 @@ class Evaluation:
     def law(self) -> OpeningLaw | None:
         return find_law([grip.onset for grip in self.grips], [grip.width for grip in self.grips],
                         is_angle=self._plan.unit == 'rad')
+
+    @property
+    def _no_law(self) -> str:
+        """Reason why the opening law is not known."""
+        if len(self.grips) < len(self._plan.blocks):
+            return NOT_DONE
+        if len(self.grips) < LEAST_BLOCKS:
+            return f'the law needs {LEAST_BLOCKS} blocks'
+        return 'the widths of the blocks do not fit one law, so a block has another width than stated'
 
     def trials(self, way: StopWay) -> list[StopTrial]:
         return [StopTrial(*each) for each in self._record.get('stops').get('trials', {}).get(way.value, [])]
@@ -185,6 +195,15 @@ class Evaluation:
             return None
         return find_alignment(self.grips, [self.law.slope(grip.onset.value).value for grip in self.grips])
 
+    @cached_property
+    def left_place(self) -> PadPlace | None:
+        """Pose of the left skin in the frame of the gripper; None if unknown."""
+        if self.law is None or self.alignment is None or not (self._plan.jig and 'jig' in self._record):
+            return None
+        reading = next(grip.onset.value for grip in self.grips if grip.width == self._plan.jig_block.width)
+        return place_left_pad(faces_from(self._record['jig']), self.law.slope(reading).value, self.alignment,
+                              self._plan.jig)
+
     @property
     def shift_per_load(self) -> tuple[Estimate, str]:
         """Shift of a contact per load, and the reason if it is not known [m]."""
@@ -266,26 +285,36 @@ class Evaluation:
             lines.append(_limited(f'{name}, drift in {DRIFT_TIME:g} s', drift, 'N', MOST_DRIFT))
             lines.append(_plain(f'{name}, frame rate', Estimate(pad['rate'], 0.0), 'Hz'))
             lines.append(_limited(f'{name}, lost frames', Estimate(pad['lost'], 0.0), '1', MOST_LOST))
-        law = self.law
-        lines += [_plain('opening in the middle of the blocks', law.opening(law.middle) if law else NOT_MEASURED, 'm'),
+        law, no_law = self.law, self._no_law
+        is_pressed = 'foam' in self._record
+        lines += [_plain('opening in the middle of the blocks', law.opening(law.middle) if law else NOT_MEASURED, 'm',
+                         no_law),
                   _plain('change of the opening per unit of the joint',
-                         law.slope(law.middle) if law else NOT_MEASURED, 'm'),
-                  _plain('speed', self.speed, 'm/s'), _plain('step', self.step, 'm'),
-                  _plain('stiffness with a hard block', self.stiffness, 'N/m'),
-                  _plain('force per effort', self.effort_map.slope, 'N')]
-        bound = self.start_latency
-        lines.append(_bound('time from a command to the movement', bound))
+                         law.slope(law.middle) if law else NOT_MEASURED, 'm', no_law),
+                  _plain('speed', self.speed, 'm/s', NOT_DONE if law else no_law),
+                  _plain('step', self.step, 'm', no_law if 'step' in self._record else NOT_DONE),
+                  _plain('stiffness with a hard block', self.stiffness, 'N/m',
+                         'too few stalls with a large force' if law else no_law),
+                  _plain('force per effort', self.effort_map.slope, 'N',
+                         'too few efforts pressed with a force' if is_pressed else NOT_DONE)]
+        lines.append(_bound('time from a command to the movement', self.start_latency))
         lines += [_bound(f'time from a stop by {way.value} to standstill', self.stop_latency(way),
                          'a stop failed' if self.trials(way) else NOT_DONE) for way in (StopWay.CANCEL, StopWay.GOAL)]
         lines.append(_bound('latency: time from a force on a pad to standstill', self.latency))
         names = 'right pad, offset along x', 'right pad, offset along y', 'right pad, turn', 'tilt along x', \
             'tilt along y'
         for name, each, unit in zip(names, self.alignment or [NOT_MEASURED] * 5, ('m', 'm', 'rad', 'rad', 'rad')):
-            lines.append(_plain(name, each, unit))
+            lines.append(_plain(name, each, unit, no_law))
+        no_place = no_law if 'jig' in self._record else NOT_DONE if self._plan.jig else 'relative only, without a jig'
+        names_in_jig = *(f'{axis} in the frame of the gripper' for axis in 'xyz'), 'turn against the jig', \
+            'tilt along x against the jig', 'tilt along y against the jig'
+        lines += [_plain(f'left pad, {name}', each, unit, no_place) for name, each, unit in zip(
+            names_in_jig, self.left_place or [NOT_MEASURED] * 6, ('m',) * 3 + ('rad',) * 3)]
         held = self.held
         lines.append(Measurement('share of the force without commands', held, '1', Verdict.UNKNOWN if not held.is_known
                                  else Verdict.PASS if held.value >= HELD_SHARE else Verdict.FAIL,
-                                 f'at least {HELD_SHARE:g}' if held.is_known else NOT_DONE))
+                                 f'at least {HELD_SHARE:g}' if held.is_known else
+                                 'too few frames' if is_pressed else NOT_DONE))
         shift, reason = self.shift_per_load
         lines.append(_plain('shift per load', shift, 'm')._replace(reason=reason))
         if self.closes:
@@ -293,6 +322,9 @@ class Evaluation:
             predicted = self.predicted_overshoot
             lines.append(Measurement('largest overshoot of the closes', Estimate(over, 0.0), 'N', Verdict.PASS
                                      if over <= predicted else Verdict.FAIL, f'predicted at most {predicted:.2f} N'))
+        else:
+            lines.append(_plain('largest overshoot of the closes', NOT_MEASURED, 'N',
+                                self._record.get('proof').get('reason', NOT_DONE)))
         return lines
 
     def allowed_speed(self, force: float) -> float:
@@ -334,10 +366,10 @@ class Evaluation:
         return Estimate(*self._record.get('stops').get('speed', NOT_MEASURED))
 
 
-def _plain(name: str, estimate: Estimate, unit: str) -> Measurement:
-    """Return a line without a limit."""
+def _plain(name: str, estimate: Estimate, unit: str, unknown: str = NOT_DONE) -> Measurement:
+    """Return a line without a limit; ``unknown`` is the reason if the value is not known."""
     if not estimate.is_known:
-        return Measurement(name, NOT_MEASURED, unit, Verdict.UNKNOWN, NOT_DONE)
+        return Measurement(name, NOT_MEASURED, unit, Verdict.UNKNOWN, unknown)
     return Measurement(name, estimate, unit, Verdict.PASS, '')
 
 

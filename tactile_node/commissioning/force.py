@@ -1,12 +1,15 @@
 """Measure forces: the map from effort to force, the force that remains, and the overshoot of a close."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, line_through
 
+EXCEEDED = 0.01        #: Share of the stalls that may exceed the force limit.
 LEAST_LOAD = 0.5       #: Smallest force of a stall from which the map is computed [N].
 
 
@@ -30,6 +33,31 @@ def map_effort(efforts: Sequence[float], forces: Sequence[float]) -> EffortMap:
     x, y = np.array(efforts, float), np.array(forces, float)
     used = y >= LEAST_LOAD
     return EffortMap(*line_through(x[used], y[used]))
+
+
+def safe_force(efforts: Sequence[float], forces: Sequence[float], limit: float) -> float:
+    """Return the largest force to aim at by `map_effort`, so that a stall exceeds ``limit`` in 1 of 100 cases [N].
+
+    The scatter of a stall is assumed to be proportional to its force. The result is NaN without a map.
+
+    Parameters
+    ----------
+    efforts, forces : sequence of float
+        Stalls from which the map is computed.
+    limit : float
+        Largest allowed force [N].
+    """
+    known = map_effort(efforts, forces)
+    x, y = np.array(efforts, float), np.array(forces, float)
+    x, y = x[y >= LEAST_LOAD], y[y >= LEAST_LOAD]
+    if not known.is_known:
+        return math.nan
+    freedom = len(x) - 2
+    relative = 1 - (known.offset.value + known.slope.value * x) / y
+    centred = x - x.mean()
+    influence = 1 / len(x) + (known.effort(limit) - x.mean()) * centred / (centred @ centred)
+    spread = math.sqrt(float(relative @ relative) / freedom * (1 + float(influence ** 2 @ y ** 2) / limit ** 2))
+    return limit / (1 + float(stdtrit(freedom, 1 - EXCEEDED)) * spread)
 
 
 def remaining_share(times: np.ndarray, forces: np.ndarray, ended: float, drift: float) -> Estimate:

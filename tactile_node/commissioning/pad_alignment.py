@@ -53,6 +53,10 @@ def _offset_and_turn(grip: BlockGrip) -> tuple[float, float, float]:
     """Return the offset and the turn of the right pad, from the prints of the same block on both pads."""
     left, right = grip.prints
     turn = (left.angle + right.angle + np.pi / 2) % np.pi - np.pi / 2  # the angle on the right pad is mirrored
-    rotation = np.array(((np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))))
-    x, y = left.centre - rotation @ MIRROR @ right.centre
+    x, y = left.centre - rotation_about(turn) @ MIRROR @ right.centre
     return float(x), float(y), float(turn)
+
+
+def rotation_about(angle: float) -> np.ndarray:
+    """Return the matrix that turns (x, y) by an angle [rad], (2, 2)."""
+    return np.array(((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))))

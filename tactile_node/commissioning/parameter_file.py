@@ -14,9 +14,10 @@ from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.pad_mounting import PadMounting, taxel_places
 from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.recording import PadGrid
+from tactile_node.grasp.gripper import IDENTITY_TRANSFORM, Transform
 from tactile_node.output_file import output_file
 
-#: Frame of the poses of the pads. A transform from the palm to this frame has to come from the robot.
+#: Frame of the poses of the pads without a jig. A transform from the palm to this frame has to come from the robot.
 FRAME = 'left_pad_centre'
 #: Share of the allowed speed that is written, so that rounding does not exceed the allowed overshoot.
 SPEED_SHARE = 0.99
@@ -24,7 +25,8 @@ HEAD = '''# Parameters that `tactile commission` has measured. Pass this file wi
 # A parameter that is missing here was not measured; the report gives the reason.
 # touch_force is the overshoot for which slow_speed and fast_speed are chosen. With gripper_effort, the gripper presses
 # with the force limit.
-# The poses are relative only: {frame} lies in the middle of the left skin, with z towards the right pad.
+# With a jig, the poses of the pads are in the frame of the gripper to which --jig refers; set frame_id to its name.
+# Without a jig, they are relative only: {frame} lies in the middle of the left skin, with z towards the right pad.
 '''
 
 
@@ -85,7 +87,10 @@ def _add_pads(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found: E
     if found.alignment is None or not found.mountings or not all(each.is_known for each in found.alignment):
         absent['left_xyz, left_rpy, right_xyz, right_rpy'] = 'the pads were not compared with a free block'
     else:
-        nodes['grasp'] |= {'frame_id': FRAME} | pad_poses(plan.grid, found.mountings, found.alignment)
+        place = found.left_place
+        nodes['grasp'] |= {'frame_id': FRAME} if place is None else {}
+        nodes['grasp'] |= pad_poses(plan.grid, found.mountings, found.alignment,
+                                    IDENTITY_TRANSFORM if place is None else place.pose(plan.jig))
 
 
 def _add_closing(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found: Evaluation,
@@ -112,17 +117,21 @@ def _add_closing(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found
         absent['gripper_effort'] = 'the map from effort to force is not known'
 
 
-def pad_poses(grid: PadGrid, mountings: list[PadMounting], alignment: PadAlignment) -> dict[str, list[float]]:
-    """Return xyz and rpy of taxel (0, 0) of both pads in FRAME, after the driver has mirrored the mirrored pads."""
+def pad_poses(grid: PadGrid, mountings: list[PadMounting], alignment: PadAlignment,
+              left: Transform = IDENTITY_TRANSFORM) -> dict[str, list[float]]:
+    """Return xyz and rpy of taxel (0, 0) of both pads, after the driver has mirrored the mirrored pads.
+
+    ``left`` is the pose of FRAME in the frame of the result.
+    """
     x, y, turn, tilt_x, tilt_y = (each.value for each in alignment)
     facing = _about_y(-tilt_x) @ _about_x(tilt_y) @ _about_z(turn) @ np.diag((-1.0, 1.0, -1.0))
     poses: dict[str, list[float]] = {}
     for name, mounting, frame, centre in (('left', mountings[0], np.eye(3), np.zeros(3)),
                                           ('right', mountings[1], facing, np.array((x, y, 0.0)))):
         corner = taxel_places(grid, mounting._replace(is_mirrored=False))[0, 0]
-        rotation = frame @ _about_z(np.pi / 2 * mounting.quarter_turns)
-        poses[f'{name}_xyz'] = [_rounded(each) for each in centre + frame[:, :2] @ corner]
-        poses[f'{name}_rpy'] = [_rounded(each) for each in _rpy(rotation)]
+        pose = left @ Transform(frame @ _about_z(np.pi / 2 * mounting.quarter_turns), centre + frame[:, :2] @ corner)
+        poses[f'{name}_xyz'] = [_rounded(each) for each in pose.translation]
+        poses[f'{name}_rpy'] = [_rounded(each) for each in _rpy(pose.rotation)]
     return poses
 
 

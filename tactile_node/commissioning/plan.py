@@ -42,12 +42,20 @@ class CommissioningPlan:
     stop_trials: int = 20      #: number of trials of each way to stop
     closes: int = 10           #: number of closes that prove the parameters
     shift_grips: int = 2       #: number of grips with the weight
+    #: Pose of the block in the jig in the frame of the gripper: x, y, z [m], and roll, pitch, yaw [rad]; empty without
+    #: a jig.
+    jig: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not (self.low < self.high and self.most_effort > 0):
             raise ConfigurationError('limits of the gripper', expected='low < high, and an effort above 0',
                                      got=f'{self.low:g}, {self.high:g}, {self.most_effort:g}',
                                      remedy='Take the limits from the data sheet of the gripper.')
+
+    @property
+    def jig_block(self) -> GaugeBlock:
+        """The block that stands in the jig. The block of the shortest face also lies flat on tilted pads."""
+        return min(self.blocks, key=lambda block: block.length)
 
     @property
     def travel(self) -> float:

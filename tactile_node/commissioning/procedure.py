@@ -10,11 +10,21 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from tactile_node.commissioning.block_grip import BlockGrip, Stall, measure_grip, print_of, repair, stiffness_of
+from tactile_node.commissioning import jig
+from tactile_node.commissioning.block_grip import (
+    BlockFace,
+    BlockGrip,
+    Stall,
+    measure_faces,
+    measure_grip,
+    print_of,
+    repair,
+    stiffness_of,
+)
 from tactile_node.commissioning.commissioned_gripper import Act, CommissionedGripper, Person, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import Evaluation
-from tactile_node.commissioning.force import Close, map_effort, predict_overshoot, remaining_share
+from tactile_node.commissioning.force import Close, map_effort, predict_overshoot, remaining_share, safe_force
 from tactile_node.commissioning.guarded_gripper import REACT, TOUCHED, GuardedGripper, Move
 from tactile_node.commissioning.lateral_shift import MOST_DIFFERENT, HungWeight, shift_of
 from tactile_node.commissioning.measurement import Estimate
@@ -42,9 +52,9 @@ from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 
 Result = TypeVar('Result')
 PADS = 'left', 'right'
-OPTIONAL = 'foam', 'block', 'step', 'weight', 'proof'  #: Steps that may be left out. All blocks are one of them.
+OPTIONAL = 'foam', 'block', 'jig', 'step', 'weight', 'proof'  #: Steps that may be left out. All blocks are one of them.
 #: Steps whose results a step needs.
-NEEDED = {'block': ('foam',), 'weight': ('foam',), 'proof': ('foam', 'block')}
+NEEDED = {'block': ('foam',), 'jig': ('foam', 'block'), 'weight': ('foam',), 'proof': ('foam', 'block')}
 REPEATS = 3             #: Number of attempts of each part of a step.
 PRESS_TIME = 4.0        #: Duration of the recording of a press [s].
 STROKE_TIME = 15.0      #: Duration of the recording in which the person presses everywhere [s].
@@ -103,13 +113,18 @@ class CommissioningProcedure:
         Results of the steps. Finished steps are not repeated.
     on_step : callable
         Function that is called with the name of each step before the step begins.
+    on_result : callable
+        Function that is called with the name of each step after the step, and with the reason if the step has found
+        nothing, or ''.
     """
 
     def __init__(self, gripper: CommissionedGripper, person: Person, plan: CommissioningPlan,
-                 record: CommissioningRecord, on_step: Callable[[str], None] = lambda name: None):
+                 record: CommissioningRecord, on_step: Callable[[str], None] = lambda name: None,
+                 on_result: Callable[[str, str], None] = lambda name, reason: None):
         self._gripper = GuardedGripper(gripper, person, plan)
         self._others, self._serial_numbers = gripper.others, gripper.serial_numbers
-        self._person, self._plan, self._record, self._on_step = person, plan, record, on_step
+        self._person, self._plan, self._record = person, plan, record
+        self._on_step, self._on_result = on_step, on_result
         self.refused: list[tuple[str, RefusedStepError]] = []  #: parts that were refused, with the reason
         self._gripper.noise = record.get('first movement').get('noise', self._gripper.noise)
         self._order: tuple[int, ...] = ()  # numbers of the left and the right pad
@@ -122,6 +137,7 @@ class CommissioningProcedure:
         return {'rest': self._rest, 'pads': self._pads, 'first movement': self._first_movement,
                 'stops': self._stops, 'foam': self._foam,
                 **{f'block {1e3 * block.width:g} mm': self._block_step(block) for block in self._plan.blocks},
+                **({'jig': self._jig} if self._plan.jig else {}),
                 'step': self._step, 'weight': self._weight, 'proof': self._proof}
 
     def run(self, skip: Collection[str] = ()) -> None:
@@ -151,8 +167,10 @@ class CommissioningProcedure:
                 kind = kind_of(name)
                 if name not in self._record and kind not in skip and self._has_finished(NEEDED.get(kind, ())):
                     self._on_step(name)
-                    if results := step():
+                    results = step()
+                    if is_found := bool(results.keys() - {'reason'}):
                         self._record.save(name, results)
+                    self._on_result(name, '' if is_found else results['reason'])
         except BaseException:  # Ctrl-C stops the gripper as well
             self._gripper.stop()
             raise
@@ -358,7 +376,7 @@ class CommissioningProcedure:
     def _step(self) -> dict[str, Any]:
         """Command small increments, at rest after each, and find the levels at which the gripper stays.
 
-        The results are empty if the levels cannot be distinguished.
+        The results are only a reason if the levels cannot be distinguished.
         """
         self._clear('step')
         law = self._found.law
@@ -375,7 +393,8 @@ class CommissioningProcedure:
             if number > 20 and abs(reached[-1] - reached[0]) > STEP_RANGE * self._largest_jump(reached):
                 break
         found = measure_step(np.array(commanded), np.array(reached), self._gripper.noise / 3)
-        return {'step': found, 'at': middle, 'increment': increment} if found.is_known else {}
+        return {'step': found, 'at': middle, 'increment': increment} if found.is_known else {
+            'reason': 'the levels at which the gripper stays cannot be distinguished'}
 
     def _largest_jump(self, reached: list[float]) -> float:
         return max(float(np.abs(np.diff(reached)).max()), 8 * self._gripper.noise)
@@ -495,9 +514,15 @@ class CommissioningProcedure:
     def _block_step(self, block: GaugeBlock) -> Callable[[], dict[str, Any]]:
         return lambda: dict(self._attempt(self._grip, block)._asdict())
 
-    def _grip(self, block: GaugeBlock, act: Act = Act.BLOCK) -> BlockGrip:
+    def _grip(self, block: GaugeBlock) -> BlockGrip:
+        stalls = self._press_block(block, Act.BLOCK, f'Hold the block of {1e3 * block.width:g} mm freely between the '
+                                   f'pads{UNTIL_HELD}')
+        return measure_grip(stalls, self._places, block.width, block.length, self._rough_metres)
+
+    def _press_block(self, block: GaugeBlock, act: Act, text: str) -> list[Stall]:
+        """Let the person insert a block, and return the stalls on the block at rising efforts."""
         where = f'block of {1e3 * block.width:g} mm'
-        self._insert(act, f'Hold the {where} freely between the pads{UNTIL_HELD}', block.width)
+        self._insert(act, text, block.width)
         limit = self._plan.force_limit
         move = Move(self._closed_end, self._effort_for(limit), self._plan.travel / FREE_TIME)
         self._gripper.consent(where, move, limit, len(PROBE_SHARES) + STALLS)
@@ -505,11 +530,13 @@ class CommissioningProcedure:
         first, second = stalls[-2:]
         closed = max(abs(second.reading - first.reading), self._gripper.noise) * abs(self._rough_metres)
         work = second.force + abs(second.force - first.force) / closed * DEPTH
-        for force in np.linspace(second.force, min(BLOCK_SHARE * limit, work), STALLS + 1)[1:]:
+        foam = self._record['foam']
+        most = min(BLOCK_SHARE * limit, safe_force(foam['efforts'], foam['forces'], limit), work)
+        for force in np.linspace(second.force, most, STALLS + 1)[1:]:
             stalls.append(self._held_stall(self._effort_for(float(force)), where))
             if stalls[-1].force > limit:
                 break
-        return measure_grip(stalls, self._places, block.width, block.length, self._rough_metres)
+        return stalls
 
     def _held_stall(self, effort: float, where: str) -> Stall:
         """Return a stall against the block, which must be there."""
@@ -518,6 +545,24 @@ class CommissioningProcedure:
             raise RefusedStepError(where, Mistake.BLOCK_MISSING, expected='a force on both pads', got='none',
                                    remedy='Hold the block between the pads until the gripper grips it.')
         return stall
+
+    def _jig(self) -> dict[str, Any]:
+        faces = self._attempt(self._grip_jig)
+        stated = ', '.join(f'{1e3 * each:.1f}' for each in self._plan.jig[:3])
+        self._ask(Act.MEASURE, 'While the gripper holds the block, measure where its centre lies along the closing '
+                  f'direction. --jig states the place {stated} mm in the frame of the gripper. If the centre lies '
+                  'elsewhere, start the command again later with the measured place.')
+        return {'faces': faces}
+
+    def _grip_jig(self) -> tuple[BlockFace, BlockFace]:
+        """Return the faces of the block in the jig on both pads."""
+        block = self._plan.jig_block
+        stalls = self._press_block(block, Act.JIG, f'Put the block of {1e3 * block.width:g} mm into the jig, and hold '
+                                   'the jig with its datum faces against the palm.')
+        measure_grip(stalls, self._places, block.width, block.length, self._rough_metres, jig.MOST_SKEW)
+        faces = measure_faces(stalls, self._places)
+        jig.check_jig(faces)
+        return faces
 
     def _weight(self) -> dict[str, Any]:
         shifts = self._attempt(self._weigh)

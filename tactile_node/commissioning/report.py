@@ -7,8 +7,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from tactile_node.commissioning.evaluation import Evaluation
-from tactile_node.commissioning.measurement import Measurement
+from tactile_node.commissioning.evaluation import NOT_DONE, Evaluation
+from tactile_node.commissioning.measurement import Measurement, Verdict
 from tactile_node.commissioning.parameter_file import MeasuredParameters
 from tactile_node.output_file import output_file
 
@@ -57,8 +57,28 @@ def page_text(found: Evaluation, parameters: MeasuredParameters, about: Mapping[
         lines += ['', f'## Skin: {step}', '', *(f'    {line}'.rstrip() for line in text.strip().splitlines())]
     lines += ['', '## Parameters that are missing', '']
     lines += [f'- {name}: {reason}' for name, reason in parameters.absent.items()] or ['None.']
-    lines += ['', 'The poses of the pads are relative only. Their place in the frame of the gripper was not measured.']
+    if found.left_place is None:
+        lines += ['', 'The poses of the pads are relative only. Their place in the frame of the gripper was not '
+                  'measured.']
     return '\n'.join(lines) + '\n'
+
+
+def found_lines(found: Evaluation) -> list[str]:
+    """Return a line for each known value, and a line for each reason why values are unknown.
+
+    Values whose step was not carried out have no line.
+    """
+    lines: list[str] = []
+    unknown: dict[str, list[str]] = {}
+    rows = [(each.name, each.value, each.verdict, each.reason) for each in found.facts]
+    rows += [(each.name, _written(each), each.verdict, each.reason) for each in found.measurements]
+    for name, value, verdict, reason in rows:
+        if verdict is Verdict.UNKNOWN:
+            unknown.setdefault(reason, []).append(name)
+        else:
+            lines.append(f'{name}: {value}' + ', FAIL' * (verdict is Verdict.FAIL) + (f' ({reason})' if reason else ''))
+    return lines + [f'unknown: {", ".join(names)} ({reason})' for reason, names in unknown.items()
+                    if reason != NOT_DONE]
 
 
 def report_data(found: Evaluation, parameters: MeasuredParameters, about: Mapping[str, str]) -> dict[str, Any]:
