@@ -8,7 +8,6 @@ import time
 
 import pytest
 from action_msgs.msg import GoalStatus
-from gripper_bench import GripperBench
 from rclpy.action import ActionServer, GoalResponse
 from ros_bench import RosBench
 
@@ -185,11 +184,3 @@ def until(condition):
     while not condition():
         assert time.monotonic() < end, 'timeout'
         time.sleep(0.005)
-
-
-def test_two_clients_each_get_their_own(ros):
-    bench = GripperBench(ros)
-    first = bench.client.send(position=0.0)
-    second = bench.client.send(position=0.08)
-    assert bench.client.result(first).outcome.outcome == Outcome.REPLACED
-    assert bench.client.result(second).outcome.outcome == Outcome.REACHED
