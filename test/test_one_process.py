@@ -15,6 +15,7 @@ import rclpy
 from hidden_skin import NODE_ID, write_log
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image
+from waiting import until
 
 from examples.demo.topics import frame_topics
 from tactile_node.errors import ConfigurationError
@@ -46,13 +47,6 @@ def context():
     rclpy.init()
     yield
     rclpy.try_shutdown()
-
-
-def until(condition, timeout=TIMEOUT):
-    end = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 class Process:
