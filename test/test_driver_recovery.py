@@ -52,12 +52,19 @@ def chain(ros):
     return chain
 
 
-def test_an_unplugged_adapter_is_an_error_until_it_is_back_and_the_node_stays_active(chain):
+def test_an_unplugged_adapter_is_an_error_until_it_is_back_and_the_node_stays_active(chain, monkeypatch):
+    """Both topics must report each change before the regular message of each second, which this test disables.
+
+    `make faults` measures how soon a fault is reported, and test_pacer.py tests the highest rate of these reports.
+    """
     chain.start()
+    monkeypatch.setattr(change_pace, 'EARLY_ROUND', -inf)
     chain.bench.adapter.is_plugged = False
     chain.until(lambda: chain.levels[-1][0] == ERROR, 'no error')
+    chain.until(lambda: chain.status[-1].fault != SkinStatus.FAULT_NONE, 'not in the status')
     chain.bench.adapter.is_plugged = True
     back = time.time()
+    chain.until(lambda: chain.status[-1].fault == SkinStatus.FAULT_NONE, 'the end is not in the status')
     chain.until(lambda: any(frame.header.stamp.sec > back and not frame.missing_can_frames for frame in chain.taxels),
                 'no taxels again')
     chain.until(lambda: chain.levels[-1] == (OK, OK), 'never OK again')
@@ -252,19 +259,6 @@ def test_each_change_of_the_lifecycle_is_logged_and_reported_when_it_happens(cha
     assert [message.msg for message in logged if message.msg.startswith('Lifecycle')][:4] == [
         'Lifecycle: unconfigured -> inactive.', 'Lifecycle: inactive -> active.', 'Lifecycle: active -> inactive.',
         'Lifecycle: inactive -> unconfigured.']
-
-
-def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
-    """The status must report a fault before the regular message of each second, which this test disables.
-
-    `make faults` measures how soon a fault is reported, and test_pacer.py tests the highest rate of these reports.
-    """
-    chain.start()
-    monkeypatch.setattr(change_pace, 'EARLY_ROUND', -inf)
-    chain.bench.adapter.is_plugged = False
-    chain.until(lambda: chain.status[-1].fault != SkinStatus.FAULT_NONE, 'not reported')
-    chain.bench.adapter.is_plugged = True
-    chain.until(lambda: chain.status[-1].fault == SkinStatus.FAULT_NONE, 'the end is not reported')
 
 
 OFFSET = 0.05  # This offset [N] is too small for a contact but above the default tare limit.
