@@ -29,7 +29,8 @@ from scipy.spatial.transform import Rotation
 
 from tactile_node.simulator.world import Contact
 
-STARTS, SEED = 50, 4000
+STARTS = 50  #: Number of starts without an argument.
+SEED = 4000  #: Seed of the first start; each further start adds 1.
 KINDS = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle', 'ball')
 BEGIN = 100.0  # time of the first frame [s]
 PERIOD = 0.08  # time between two frames [s]

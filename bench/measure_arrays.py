@@ -30,14 +30,17 @@ from tactile_node.shape.recognition import Shape
 from training.real_arrays import random_touch, read_by
 
 PROFILES = 'pressure_profiles'  #: Folder in peter-kiechle/tactile-sensors.
-STAMPED, HEATED = (f'{PROFILES}/{name}' for name in (
-    'calibration_weight_and_temperature/room temperature', 'calibration_noise/temperature-noise.dsa'))
-STAMPED_PAD = 1
+STAMPED = f'{PROFILES}/calibration_weight_and_temperature/room temperature'  #: Recordings of the stamp.
+HEATED = f'{PROFILES}/calibration_noise/temperature-noise.dsa'  #: Recording of the hand that warms up at rest.
+STAMPED_PAD = 1  #: Number of the pad that the stamp pressed.
 WEIGHTS = {'A': 200, 'B': 300, 'C': 400, 'D': 500, 'E': 600, 'F': 700, 'G': 800, 'H': 900}  #: [g]
 STEP = 10  #: The script reads every 10th frame of ViTac, which is one frame per 0.1 s.
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
-DRAWN, SEED = 1500, 20_261_123
-PICTURE, ROWS, COLS = 'real_arrays.png', 3, 8
+DRAWN = 1500  #: Number of frames from the generator.
+SEED = 20_261_123  #: Seed of the generator.
+PICTURE = 'real_arrays.png'
+ROWS = 3  #: Rows of frames in the picture.
+COLS = 8  #: Columns of frames in the picture, one for each of the first pad sizes.
 
 CONTACTS = ('*tekscan* has 50x28 taxels and stores 8-bit JPEG pictures; 500 frames of ten objects are used. *weiss* is '
             'a hand whose finger pads have 14x6 and 13x6 taxels with 12 bits; the hand cuts off readings below 100. '

@@ -14,7 +14,8 @@ from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import NO_SIDE, SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
 
-PITCH, UNIT = 0.002, 'Pa'
+PITCH = 0.002  #: [m]
+UNIT = 'Pa'
 DELAY = 0.02   #: Time from the acquisition of a frame to its grasp [s].
 EPOCH = 1.7e9  #: [s]
 GRIPPER = Gripper(PadPose(), PadPose((0.0, 0.03, 0.0), (np.pi, 0.0, 0.0)))

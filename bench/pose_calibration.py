@@ -41,7 +41,6 @@ SEED = 950_000
 TILT = 0.4            #: Largest tilt. Larger tilts cause errors that the fit's model does not explain.
 AREAS = 22.0, 130.0   #: Range of the log-uniform contact areas [taxels].
 OUTLIERS = 4.0        #: Residuals beyond this many robust standard deviations are ignored.
-TERMS = len(ModelError._fields) - 1
 #: Parameters that have no bias, because the shape looks the same from both sides.
 SYMMETRIC = {Shape.CIRCLE: (0, 1), Shape.SQUARE: (0, 1, 2), Shape.RECTANGLE: (0, 1, 2), Shape.RIGHT_TRIANGLE: (),
              Shape.ISOSCELES_TRIANGLE: (0, 2)}

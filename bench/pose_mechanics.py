@@ -24,7 +24,8 @@ from training.ground_truth.mechanics import Solution
 from training.ground_truth.seeds import Purpose, generator
 
 AREAS = (25, 50, 100)
-FLAT, CUT = 'flat punches', 'flat punches over the edge'
+FLAT = 'flat punches'  #: Name of these indenters in mechanics.ROWS.
+CUT = 'flat punches over the edge'  #: Name of the row of flat punches that the pad's edge cuts.
 MOST_CUT = 1 / 3  #: Largest share of a contact that lies beyond the pad's edge.
 
 #: Increase this number by a million after each change that a report prompts, so that the next report uses new seeds.

@@ -27,12 +27,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_node.errors import TactileError
+from tactile_node.pose.events import EventKind
 
 FILL = -1e6            #: value under the mask
 NO_STAMP = -1          #: stamp of a lost acquisition
 SECOND = 10**9         #: [ns]
 GRASP_AGE = SECOND // 10  #: time after which the latest grasp is no longer used [ns]
-KINDS = ('not_known', 'made', 'lost', 'sliding', 'turning', 'harder', 'lighter', 'shifted', 'returned')  # ContactEvent
+KINDS = tuple(kind.name.lower() for kind in EventKind)  #: names of the events, in the order of their codes
 NUMBERS = ('width', 'offset', 'misalignment', 'centre_x', 'centre_y', 'yaw', 'grip_force')  #: fields of Grasp [SI]
 CODES = ('contact', 'shape', 'fresh', 'stable')  #: fields of Grasp; 0 if there is no current grasp
 QUANTILES = {'q01': 0.01, 'q10': 0.1, 'q50': 0.5, 'q90': 0.9, 'q99': 0.99}  #: as LeRobot names them

@@ -22,14 +22,14 @@ import numpy as np
 
 from tactile_node.grasp.gripper import PadPose
 from tactile_node.grasp.trust import MAX_AGE, MAX_SILENCE
+from tactile_node.pose.events import Moving, Observable
 
 MIN_CONFIDENCE = 0.8         # if the shape of a fully visible object is less probable, grasp the object elsewhere
 MAX_OFFSET = 0.002           # largest offset of the contacts' centres across the closing direction [m]
 MAX_ANGLE = 5 * pi / 180     # largest angle between the object's edges and the pad's edges [rad]
 MAX_MISALIGNMENT = 3 * pi / 180  # largest tilt of the faces or of the contacts' line [rad]
 TAUGHT = 8                   # ContactShape.OTHER
-STILL = 1                    # ContactMotion.STILL
-SLIDES = 3                   # ContactMotion.ALONG_X and ALONG_Y
+SLIDES = Observable.ALONG_X | Observable.ALONG_Y  # slides that the pad has to be able to detect
 
 # Pressure per depth of the skin [Pa/m]. If the value is too high, the corrections of the tilt are too small.
 STIFFNESS = 25e6
@@ -111,7 +111,7 @@ def from_the_edge(grasp, shift: tuple[float, float]) -> Correction:
         return Correction('shift', shift)
     is_oblique = grasp.misalignment > MAX_MISALIGNMENT or any(  # NaN means unknown and does not count as oblique
         abs(lean) > MAX_MISALIGNMENT * STIFFNESS for lean in grasp.lean)
-    rests = all(motion.moving == STILL and motion.observable & SLIDES for motion in grasp.motions)
+    rests = all(motion.moving == Moving.STILL and motion.observable & SLIDES for motion in grasp.motions)
     is_held = (all(grasp.at_edge) and grasp.offset <= MAX_OFFSET and not is_oblique
                and not any(grasp.saturated_taxels))  # saturated taxels make the centre uncertain in every direction
     return Correction('lift', is_part=True) if is_held and rests else WAIT

@@ -4,7 +4,6 @@ import os
 import pty
 import queue
 import threading
-import time
 import tty
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -122,13 +121,6 @@ def tiny_layout(folder: Path, text: str = TINY):
     path = folder / 'layout.yaml'
     path.write_text(text)
     return load_layout(path)
-
-
-def wait_until(condition: Callable[[], bool], timeout: float = 60.0) -> bool:
-    end = time.monotonic() + timeout
-    while not (met := condition()) and time.monotonic() < end:
-        threading.Event().wait(0.01)
-    return met
 
 
 class Loss(NamedTuple):

@@ -14,8 +14,9 @@ from typing import Any
 
 import can
 import numpy as np
-from can_bench import Bench, TooSlowError, wait_until
+from can_bench import Bench, TooSlowError
 from faulty_bus import Adapter
+from waiting import wait_until
 
 from tactile_node.assembly.health import NodeFault, Overload
 from tactile_node.bus import skin_bus

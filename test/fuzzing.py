@@ -26,7 +26,8 @@ from pathlib import Path
 
 import can
 import numpy as np
-from can_bench import INTERFACE, TINY, Bench, serial_line, wait_until
+from can_bench import INTERFACE, TINY, Bench, serial_line
+from waiting import wait_until
 from wire_worlds import HOST, ONE, TWO, TWO_NODES, WIRE, random_world
 
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE

@@ -26,7 +26,6 @@ class Happened(NamedTuple):
     outcome: Outcome | None  #: outcome of the goal or the hold, or None while the hold continues
     is_in_doubt: bool       #: True if the text of the outcome says that the gripper may still be moving
     sent: str               #: directions of the commands that the gripper has accepted
-    was_cancelled: bool
     moves_on: bool          #: True if the gripper still moves 1 s after the outcome
     strongest: float        #: largest force on a pad [N]
 
@@ -71,7 +70,7 @@ def happens(bench, fault, goal):
     before = motor.opening
     bench.wait(0.3)
     outcome, text = (ending.outcome, ending.text) if ending else (None, '')
-    return Happened(outcome, 'may still be moving' in text, ' '.join(motor.directions), motor.cancels,
+    return Happened(outcome, 'may still be moving' in text, ' '.join(motor.directions),
                     motor.opening != before, bench.pads.strongest)
 
 

@@ -12,42 +12,21 @@ from typing import Any
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import EventHandler
 from rclpy.executors import Executor, SingleThreadedExecutor, TimeoutException
 
+from tactile_node.nodes.spinner import SpinnerExecutor
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_skin.msg import ContactFeatures, ContactShapes
 
 TIMEOUT = 60.0  #: Time limit on a busy machine [s].
 
 
-class LeanExecutor(SingleThreadedExecutor):
-    """A SingleThreadedExecutor without handlers for events such as "incompatible QoS".
-
-    rclpy prepares every entity for every wait, and event handlers are half of all entities. Tests with a TimedBench do
-    not need event handlers.
-    """
+class LeanExecutor(SpinnerExecutor):
+    """A SpinnerExecutor that never checks event handlers, because tests with a TimedBench do not need them."""
 
     def __init__(self):
-        self._views = {}
         super().__init__()
-
-    def get_nodes(self):
-        # Keep one view for each node, because rclpy finds a running task by its node.
-        self._views = {node: self._views.get(node) or _WithoutEvents(node) for node in super().get_nodes()}
-        return list(self._views.values())
-
-
-class _WithoutEvents:
-    def __init__(self, node: Any):
-        self._node = node
-
-    @property
-    def waitables(self) -> list:
-        return [each for each in self._node.waitables if not isinstance(each, EventHandler)]
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._node, name)
+        self._looked = math.inf
 
 
 class RosBench:

@@ -20,9 +20,10 @@ from typing import Any
 
 import can
 import numpy as np
-from can_bench import TooSlowError, wait_until
+from can_bench import TooSlowError
 from captured_log import CapturedLog
 from fault_bench import LAYOUT, PERIOD, PUNCTUAL, SYNC, TIMEOUT, Answers, Coded, check_stamps
+from waiting import wait_until
 
 from tactile_node.assembly.health import NodeFault
 from tactile_node.bus import skin_bus

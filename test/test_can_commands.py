@@ -11,7 +11,8 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from can_bench import Bench, wait_until
+from can_bench import Bench
+from waiting import wait_until
 
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.skin_bus import BusSettings, SkinBus

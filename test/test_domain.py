@@ -145,12 +145,6 @@ def test_a_failed_poll_is_a_frame_without_values(assembler):
     assert counts.losses[LossReason.BROKEN] == 1
 
 
-def test_failed_polls_can_be_dropped(tmp_path):
-    assembler = domain_assembler(tmp_path, drop_incomplete=True)
-    assert feed(assembler, BEGIN, BEGIN) is None
-    assert assembler.facts().frames_withheld == 1
-
-
 @pytest.mark.parametrize(('size', 'reason'), [(8, LossReason.OVER_LONG), (10, LossReason.SHORT)])
 def test_wrong_sizes(tmp_path, size, reason):
     text = TINY.replace('bytes: 9', f'bytes: {size}').replace('rows: 3', 'rows: 2')

@@ -52,12 +52,19 @@ def chain(ros):
     return chain
 
 
-def test_an_unplugged_adapter_is_an_error_until_it_is_back_and_the_node_stays_active(chain):
+def test_an_unplugged_adapter_is_an_error_until_it_is_back_and_the_node_stays_active(chain, monkeypatch):
+    """Both topics must report each change before the regular message of each second, which this test disables.
+
+    `make faults` measures how soon a fault is reported, and test_pacer.py tests the highest rate of these reports.
+    """
     chain.start()
+    monkeypatch.setattr(change_pace, 'EARLY_ROUND', -inf)
     chain.bench.adapter.is_plugged = False
     chain.until(lambda: chain.levels[-1][0] == ERROR, 'no error')
+    chain.until(lambda: chain.status[-1].fault != SkinStatus.FAULT_NONE, 'not in the status')
     chain.bench.adapter.is_plugged = True
     back = time.time()
+    chain.until(lambda: chain.status[-1].fault == SkinStatus.FAULT_NONE, 'the end is not in the status')
     chain.until(lambda: any(frame.header.stamp.sec > back and not frame.missing_can_frames for frame in chain.taxels),
                 'no taxels again')
     chain.until(lambda: chain.levels[-1] == (OK, OK), 'never OK again')
@@ -217,10 +224,13 @@ def test_parameters_read_at_configure_can_be_set_only_while_unconfigured(chain):
     assert chain.node._settings.sync_period == 0.2
 
 
-def test_a_late_subscriber_gets_the_last_status(chain):
+def test_a_late_subscriber_gets_the_last_status(chain, monkeypatch):
     chain.start()
+    monkeypatch.setattr(change_pace, 'EARLY_ROUND', -inf)  # no further status is published without a change
     heard = chain.listen(SkinStatus, '/skin_driver/status', STATUS_QOS)
+    subscribed = chain.node.get_clock().now()
     chain.until(lambda: heard, 'no status')
+    assert Time.from_msg(heard[0].header.stamp) <= subscribed
     assert heard[0].active and heard[0].pads[0].nodes[0].nmt_state_text == 'OPERATIONAL' and not heard[0].failure
 
 
@@ -249,19 +259,6 @@ def test_each_change_of_the_lifecycle_is_logged_and_reported_when_it_happens(cha
     assert [message.msg for message in logged if message.msg.startswith('Lifecycle')][:4] == [
         'Lifecycle: unconfigured -> inactive.', 'Lifecycle: inactive -> active.', 'Lifecycle: active -> inactive.',
         'Lifecycle: inactive -> unconfigured.']
-
-
-def test_a_fault_reaches_the_status_when_it_changes(chain, monkeypatch):
-    """The status must report a fault before the regular message of each second, which this test disables.
-
-    `make faults` measures how soon a fault is reported, and test_pacer.py tests the highest rate of these reports.
-    """
-    chain.start()
-    monkeypatch.setattr(change_pace, 'EARLY_ROUND', -inf)
-    chain.bench.adapter.is_plugged = False
-    chain.until(lambda: chain.status[-1].fault != SkinStatus.FAULT_NONE, 'not reported')
-    chain.bench.adapter.is_plugged = True
-    chain.until(lambda: chain.status[-1].fault == SkinStatus.FAULT_NONE, 'the end is not reported')
 
 
 OFFSET = 0.05  # This offset [N] is too small for a contact but above the default tare limit.

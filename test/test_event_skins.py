@@ -8,8 +8,9 @@ import time
 import can
 import numpy as np
 import pytest
-from can_bench import INTERFACE, Bench, SkinMaster, channel_of, other_bus, wait_until
+from can_bench import INTERFACE, Bench, SkinMaster, channel_of, other_bus
 from fault_bench import FaultBench
+from waiting import wait_until
 
 from tactile_node.assembly.health import NodeFault
 from tactile_node.bus.bus_settings import BusSettings

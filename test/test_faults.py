@@ -9,9 +9,10 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from can_bench import TooSlowError, wait_until
+from can_bench import TooSlowError
 from fault_bench import PERIOD, SIDE, Coded, FaultBench, check_stamps
 from fault_catalogue import ESSENTIAL, FAULTS
+from waiting import wait_until
 
 from tactile_node.assembly.health import BusFault, NodeFault
 from tactile_node.cia301.emergency import decode_emergency

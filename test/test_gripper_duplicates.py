@@ -16,7 +16,6 @@ from built_messages import environment_with
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from gripper_bench import Client, GripperBench, started_node
 from rclpy.parameter import Parameter
-from virtual_gripper import PERIOD
 
 from tactile_node.gripper import duplicate_watch
 from tactile_node.gripper.duplicate_watch import HEARTBEAT_PERIOD, HOLD_TIME, LISTEN_TIME
@@ -179,18 +178,6 @@ def test_a_node_that_was_paused_listens_again_before_it_closes(make_bench):
     assert len(bench.motor.commands) == 1 and not bench.motor.moves
 
 
-@pytest.mark.parametrize('hold', [False, True])
-def test_a_closing_gripper_stops_and_a_hold_ends(make_bench, hold):
-    bench = make_bench(parameters={'hold': hold})
-    sent = bench.client.send(position=0.0, effort=5.0)
-    bench.until((lambda: sent.ending is not None) if hold else (lambda: bench.motor.opening < 0.058))
-    add_second(bench)
-    bench.until(lambda: (sent.of_hold if hold else sent.outcome) is not None)
-    outcome = sent.of_hold if hold else sent.outcome
-    bench.wait(PERIOD)
-    assert (outcome.outcome, bench.motor.moves) == (Outcome.DUPLICATE, False)
-
-
 def test_a_duplicate_is_an_error_and_its_end_is_information(make_bench, caplog):
     caplog.set_level(logging.INFO, duplicate_watch.__name__)
     bench = make_bench()
@@ -221,12 +208,3 @@ def test_a_goal_to_close_waits_after_a_start_and_one_to_open_does_not(make_bench
     sent = bench.client.send(position=0.0)
     assert bench.client.result(sent).outcome.outcome == Outcome.TOUCHED
     assert LISTEN_TIME - HOLD_TIME < bench.steady() - began < LISTEN_TIME + 2.0
-
-
-def test_a_waiting_goal_can_be_cancelled(make_bench):
-    bench = make_bench()
-    bench.node._watch._listens_since = bench.steady()
-    sent = bench.client.send(position=0.0)
-    bench.wait(0.1)
-    sent.cancel()
-    assert bench.client.result(sent).outcome.outcome == Outcome.CANCELED and not bench.motor.commands

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from virtual_gripper import PERIOD, STEP, THRESHOLD
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.gripper.gripper_node import LOOK_PERIOD, GripperNode
+from tactile_node.gripper.gripper_node import GripperNode
 from tactile_node.gripper.messages import touch_of
 from tactile_node.gripper.rules.closing import Outcome
 from tactile_node.gripper.rules.touch_settings import TouchSettings
@@ -131,18 +131,6 @@ def test_a_grasp_has_a_direction_of_a_slide_only_while_a_pad_reports_one():
     assert left == 1.0 and math.isnan(right)
 
 
-@pytest.mark.parametrize('change', [unseen, set_(gap_source=77)])
-def test_the_gripper_stops_when_the_grasp_is_unseen_or_malformed(make_bench, change):
-    bench = make_bench()
-    handle = bench.client.send(position=0.0)
-    bench.wait(0.1)
-    before = bench.motor.opening
-    bench.pads.change = change
-    status, _, outcome = bench.client.result(handle)
-    assert (status, outcome.outcome) == (ABORTED, Outcome.NOT_SEEN)
-    assert 0 < before - bench.motor.opening <= LIMITS.fast_speed * (MAX_AGE + LOOK_PERIOD + STEP)
-
-
 def test_a_goal_to_the_widest_is_sent_even_with_several_speeds_and_efforts(make_bench):
     bench = make_bench()
     bench.pads.change = unseen
@@ -152,14 +140,6 @@ def test_a_goal_to_the_widest_is_sent_even_with_several_speeds_and_efforts(make_
     assert [each.position for each in bench.motor.commands] == [LIMITS.widest]
 
 
-def test_a_second_publisher_of_grasp_is_not_used(make_bench):
-    bench = make_bench()
-    bench.add('other').create_publisher(Grasp, '/grasp', 10)
-    bench.until_joined(lambda: bench.node.count_publishers('/grasp') == 2)
-    bench.wait(0.1)
-    assert bench.close(position=0.0)[2].outcome == Outcome.NOT_SEEN and not bench.motor.commands
-
-
 def test_a_cancelled_goal_stops_the_gripper(make_bench):
     bench = make_bench()
     handle = bench.client.send(position=0.0)
@@ -167,19 +147,6 @@ def test_a_cancelled_goal_stops_the_gripper(make_bench):
     handle.cancel()
     status, _, outcome = bench.client.result(handle)
     assert (status, outcome.outcome, bench.motor.moves) == (CANCELED, Outcome.CANCELED, False)
-
-
-def test_a_later_goal_of_another_client_replaces_the_one_before(make_bench):
-    from gripper_bench import Client
-    bench = make_bench()
-    other = Client(bench, bench.interface)
-    other.until_ready()
-    first = bench.client.send(position=0.0)
-    bench.wait(0.2)
-    second = other.send(position=0.08)
-    status, _, outcome = bench.client.result(first)
-    assert (status, outcome.outcome) == (ABORTED, Outcome.REPLACED)
-    assert other.result(second)[2].outcome == Outcome.REACHED and bench.motor.opening == pytest.approx(0.08)
 
 
 def test_a_cancel_without_an_answer_is_sent_again_until_there_is_one(make_bench):

@@ -15,6 +15,7 @@ from types import SimpleNamespace
 
 import pytest
 from launch_stand_in import actions_of, declared, nodes_of, process_of, processes_of, put_stand_ins
+from waiting import wait_until
 
 from tactile_node.cli.bringup import ARGUMENTS, OTHER_SPELLINGS, PARAMETERS
 from tactile_node.cli.main import _parser
@@ -254,13 +255,6 @@ def robot(tmp_path):
             process.kill()
 
 
-def wait_for(condition, timeout=60.0):
-    deadline = time.monotonic() + timeout
-    while not (found := condition()) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    return found
-
-
 def processes_with(word):
     """Return the processes whose command line contains ``word``."""
     found = []
@@ -280,12 +274,12 @@ def processes_with(word):
 def test_two_grippers_below_a_pushed_namespace_run_and_leave_no_process(robot, number):
     process, output = robot()
     expected = [f'[robot.{side}.hand.skin_driver]' for side in 'ab']
-    assert wait_for(lambda: all(output.read_text().count(f'{name}: node') >= 4 for name in expected))
+    assert wait_until(lambda: all(output.read_text().count(f'{name}: node') >= 4 for name in expected))
     children = processes_with(f'--end-with={process.pid}')
     assert len(children) == 2
     process.send_signal(number)
     process.wait(30)
-    assert wait_for(lambda: not processes_with(f'--end-with={process.pid}'), 20)
+    assert wait_until(lambda: not processes_with(f'--end-with={process.pid}'), 20)
 
 
 @needs_launch
@@ -294,7 +288,7 @@ def test_two_grippers_below_a_pushed_namespace_run_and_leave_no_process(robot, n
 @pytest.mark.parametrize('word', ['params_file:=/nowhere.yaml', 'layout:=/nowhere.yaml', 'pads:=left,left'])
 def test_a_gripper_that_cannot_start_leaves_the_robot_running(robot, word):
     process, output = robot(word)
-    assert wait_for(lambda: output.read_text().count('expected ') == 2)
+    assert wait_until(lambda: output.read_text().count('expected ') == 2)
     time.sleep(1)
     assert process.poll() is None and output.read_text().count('expected ') == 2
     process.send_signal(signal.SIGINT)

@@ -5,9 +5,10 @@ import threading
 
 import numpy as np
 import pytest
-from can_bench import Bench, wait_until
+from can_bench import Bench
 from canopen import SdoAbortedError
 from fault_bench import TIMEOUT, FaultBench
+from waiting import wait_until
 
 from tactile_node.assembly.facts import LossReason
 from tactile_node.bus import bus_devices

@@ -15,6 +15,7 @@ import rclpy
 from hidden_skin import NODE_ID, write_log
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image
+from waiting import until
 
 from examples.demo.topics import frame_topics
 from tactile_node.errors import ConfigurationError
@@ -30,7 +31,7 @@ from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import MOST_WAITING
-from tactile_node.taxel_frame import SkinSide, TaxelFrame
+from tactile_node.taxel_frame import SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, ContactShapes, Grasp, GraspSides, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
@@ -46,13 +47,6 @@ def context():
     rclpy.init()
     yield
     rclpy.try_shutdown()
-
-
-def until(condition, timeout=TIMEOUT):
-    end = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 class Process:
@@ -97,13 +91,15 @@ class Process:
         taxels.feed(frame, acquired)
 
 
-def pad_frame(sequence, press=True, up=0):
+def pad_frame(sequence, press=True, up=0, saturated=False):
     """Return a frame of a pad whose finger ends at the first row.
 
-    ``up`` is the number of rows by which the contact is moved towards that end.
+    ``up`` is the number of rows by which the contact is moved towards that end. With ``saturated``, all pressed taxels
+    are at the end of their range.
     """
     values = 50e3 * (np.roll(PRESS, -up, 0) > 0) * press + np.random.default_rng(sequence).normal(0, 200, PRESS.shape)
-    frame = TaxelFrame(1.7e9 + PERIOD * sequence, sequence, values, np.ones(PRESS.shape, np.uint8), 0)
+    status = np.where(saturated & (values > 25e3), TaxelStatus.SATURATED, TaxelStatus.VALID).astype(np.uint8)
+    frame = TaxelFrame(1.7e9 + PERIOD * sequence, sequence, values, status, 0)
     return PadFrame.of(frame, Taxels(0.004, 'Pa', finger_ends=SkinSide.FIRST_ROW), 'pad')
 
 
@@ -131,14 +127,14 @@ def test_function_calls_and_messages_give_the_same_results():
     Both chains must report bitwise equal shapes.
     """
     def drawn(number):
-        return {'press': number > 5, 'up': 4 * (number > 15)}
+        return {'press': number > 5, 'up': 4 * (number > 15), 'saturated': number > 20}
     with Process() as process:
         shapes, contacts = (heard_by(process.peer, kind, f'/left/{topic}')
                             for kind, topic in ((ContactShape, 'shape'), (Contact, 'contact')))
         until(lambda: all(process.peer.count_publishers(f'/left/{topic}') and any(
             publisher.topic_name == f'/left/{topic}' and publisher.get_subscription_count() > 0
             for node in process.system.nodes for publisher in node.publishers) for topic in ('shape', 'contact')))
-        for number in range(1, 21):
+        for number in range(1, 24):
             process.send(['left'], **drawn(number))
             until(lambda number=number: len(shapes) == number == len(contacts))
     nodes = [ProcessorNode(namespace='/left'), ClassifierNode(namespace='/left')]
@@ -149,7 +145,7 @@ def test_function_calls_and_messages_give_the_same_results():
         until(lambda: publisher.get_subscription_count() and peer.count_subscribers('/left/contact')
               and nodes[1]._shapes._publisher.is_wanted)
         time.sleep(0.5)  # The processor's publisher and the classifier need time to discover each other.
-        for number in range(1, 21):
+        for number in range(1, 24):
             publisher.publish(taxel_array_message(pad_frame(number, **drawn(number))))
             until(lambda number=number: len(by_message) == number)
     for node in (*nodes, peer):
@@ -157,7 +153,7 @@ def test_function_calls_and_messages_give_the_same_results():
     assert [facts(shape) for shape in shapes] == [facts(shape) for shape in by_message]
     assert {shape.class_name for shape in shapes if not shape.at_edge} == {'none', 'square'}
     assert [(shape.at_edge, shape.force_is_bound, shape.pad_force_is_bound) for shape in shapes] == (
-        15 * [(False, False, False)] + 5 * [(True, False, False)])
+        15 * [(False, False, False)] + 5 * [(True, False, False)] + 3 * [(True, True, True)])
 
 
 def test_nothing_is_published_between_nodes_that_share_a_process():

@@ -5,9 +5,8 @@ from math import atan2, cos, inf, isnan, nan, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import FrameTree, Gripper, PadPose, Transform, contact_line, rotation_matrix
-from tactile_node.grasp.opening import GapSource, LatestGap, is_plausible
+from tactile_node.grasp.opening import is_plausible
 
 # When the gripper is closed, the skins of two 16x16 pads with 2 mm pitch touch. The left pad faces along z. The right
 # pad is rotated by pi about x and faces along -z, so its y axis points opposite to the gripper's.
@@ -40,28 +39,10 @@ def test_without_an_opening_all_that_depends_on_it_is_nan_and_the_offset_is_not(
         assert np.isnan(vector).all()
 
 
-def test_an_opening_is_withdrawn_when_its_source_stops():
-    latest = LatestGap(GapSource.JOINT_STATES, max_age=0.3)
-    latest.set(0.04, 100.0)
-    assert latest.current(100.1) == pytest.approx((0.04, GapSource.JOINT_STATES, 0.1))
-    assert latest.current(100.299).gap == 0.04
-    late = latest.current(100.31)
-    assert isnan(late.gap) and late.source is GapSource.JOINT_STATES and late.age == pytest.approx(0.31)
-    assert latest.current(4000.0).age == pytest.approx(3900)
-    latest.set(0.02, 4000.0)
-    assert latest.current(4000.0) == (0.02, GapSource.JOINT_STATES, 0.0)
-
-
 @pytest.mark.parametrize('gap, plausible', [
     (0.0, True), (0.085, True), (-0.002, True), (-0.04, False), (40.0, False), (nan, False), (float('inf'), False)])
 def test_a_wrong_sign_or_unit_of_the_scale_shows(gap, plausible):
     assert is_plausible(gap) is plausible
-
-
-@pytest.mark.parametrize('limit', [0.0, -1.0, nan])
-def test_a_wrong_limit_is_refused(limit):
-    with pytest.raises(ConfigurationError, match='age limit'):
-        LatestGap(GapSource.TF, limit)
 
 
 # Quaternion for a quarter turn about z, which turns x into y and y into -x.

@@ -15,6 +15,8 @@ import numpy as np
 import planner_client as client
 import pytest
 
+from tactile_node.code_names import name_of
+
 PATH = Path(__file__).resolve().parents[1] / 'examples' / 'planner_client.py'
 AIM = (0.015, 0.015)
 
@@ -279,6 +281,11 @@ def acted_too_long(bench, fail: Callable, notice: float) -> float:
             world.skin.set(is_frozen=False, is_there=False)
             world.wait(lambda: actions.latest == 'open', 'the planner to open', timeout=60.0)
         return too_long
+
+
+def test_the_codes_of_shapes_are_those_of_the_message():
+    assert [name_of('msg/ContactShape', 'shape', code) for code in (*client.CORNERED, client.TAUGHT)] == [
+        'SQUARE', 'RECTANGLE', 'RIGHT_TRIANGLE', 'ISOSCELES_TRIANGLE', 'OTHER']
 
 
 def test_a_taught_shape_is_centred_and_lifted_and_never_rotated():

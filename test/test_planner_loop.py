@@ -3,34 +3,19 @@
 The loop either ends with opposing contacts, or does not squeeze the object.
 """
 
-import time
-from contextlib import ExitStack
-from math import inf
-from threading import Event
 
 import bench_planner
 import numpy as np
 import planner_client
 import planner_world
 import pytest
-import rclpy
 from grasp_loop import MOVES, SETTLE, GraspLoop, Reason
 from planner_chain import PlannerChain
 from planner_client import Correction
 from planner_world import AIM, FORCE, PITCH, STIFFNESS, Placed, Thing, close, noisy
-from rclpy.parameter import Parameter
 from scipy.spatial.transform import Rotation
 
-from tactile_node.node_graph import bus_nodes
-from tactile_node.nodes.spinner import spinning
-from tactile_node.nodes.system import System
-from tactile_node.ros.message_age import InputAge
-from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.world import Contact
-from tactile_node.skin.pads import make_pads, with_dictionaries
-from tactile_skin.msg import Grasp
-
-TIMEOUT = 60.0  # Time limit [s].
 
 
 def loop(closed=0.0, **options):
@@ -172,57 +157,3 @@ def test_the_loop_is_never_done_with_wrong_advice(monkeypatch):
     monkeypatch.setattr(planner_client, 'opposing', lambda line, left: (0.0, -line.misalignment, 0.0))
     run, = bench_planner.runs(1)
     assert not run.is_done
-
-
-class OnNodes(bench_planner.Simulation):
-    """The simulation of the planner bench, run in real time with the nodes and a simulated CAN bus."""
-
-    def __init__(self, stack: ExitStack, seed: int, kind: str):
-        super().__init__(seed, kind, patience=TIMEOUT)  # A busy machine needs more time for each decision.
-        self._values, self._grasps, self._ages = (np.zeros((16, 16)),) * 2, [], InputAge()
-        names, ids = ['left', 'right'], [32, 64]
-        pads = with_dictionaries(make_pads(['sim16x16.yaml'], ids, names), [''])
-        noises = [np.random.default_rng(seed + side) for side in (0, 1)]
-        skin = SkinSimulator(pads, {name: lambda _t, side=side: noisy(self._values[side], noises[side])
-                                    for side, name in enumerate(names)})
-        skin.start('virtual', 'planner')
-        stack.callback(skin.stop)
-        system = System(bus_nodes(names, driver={'interface': 'virtual', 'channel': 'planner', 'node_ids': ids,
-                                                 'layouts': ['sim16x16.yaml'], 'sync_period': 0.05}))
-        stack.callback(system.destroy)
-        self._node = next(node for node in system.nodes if node.get_name() == 'grasp')
-        reader = rclpy.create_node('reader')
-        stack.callback(reader.destroy_node)
-        reader.create_subscription(Grasp, '/grasp', self._on_grasp, 1)
-        stack.enter_context(spinning([*system.nodes, reader]))
-        system.autostart(Event())
-        self._wait(lambda: self._grasps and self._grasps[-1][1].age_on_arrival < inf)
-
-    def _on_grasp(self, grasp: Grasp) -> None:
-        self._grasps.append((grasp, self._ages.arrived(grasp)))
-
-    def _wait(self, condition) -> None:
-        end = time.monotonic() + TIMEOUT
-        while not condition():
-            assert time.monotonic() < end, self._grasps[-1:]
-            time.sleep(0.005)
-
-    def _sent(self, values, gap: float):
-        self._values = values
-        self._node.set_parameters([Parameter('gap', value=float(gap))])
-        count = len(self._grasps)
-        self._wait(lambda: len(self._grasps) > count)
-        grasp, arrival = self._grasps[-1]
-        self._planner.receive(planner_client.asked_for(grasp, AIM), arrival.steady, arrival.age_on_arrival)
-        self._now = time.monotonic()
-        return grasp
-
-
-@pytest.mark.ros
-@pytest.mark.bus
-def test_the_same_on_a_bus_with_running_nodes():
-    rclpy.init()
-    with ExitStack() as stack:
-        stack.callback(rclpy.shutdown)
-        run = OnNodes(stack, bench_planner.SEED + 2, 'rectangle').run()
-    assert run.is_right and run.moves, (run.reason, run.after.truth)

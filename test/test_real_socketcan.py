@@ -14,8 +14,9 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from can_bench import INTERFACE, TooSlowError, wait_until
+from can_bench import INTERFACE, TooSlowError
 from captured_log import CapturedLog
+from waiting import wait_until
 
 from tactile_node.assembly.health import BusFault, Overload
 from tactile_node.bus.bus_network import open_bus

@@ -12,7 +12,8 @@ from types import SimpleNamespace
 
 import can
 import pytest
-from can_bench import serial_line, wait_until
+from can_bench import serial_line
+from waiting import wait_until
 
 from tactile_node.assembly.free_bus import SyncPause
 from tactile_node.bus import traffic as traffic_module

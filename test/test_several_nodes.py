@@ -125,15 +125,6 @@ def test_a_lost_sync_never_mixes_two_periods_of_two_nodes(assembler, second):
     assert feed(assembler, *FIRST, *SECOND).values.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
 
 
-def test_incomplete_frames_are_dropped_as_a_whole(tmp_path):
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5)), drop_incomplete=True)
-    assembler.sync(0.0)
-    feed(assembler, *FIRST)
-    assert only(assembler.end_period()) == Loss(LossReason.INCOMPLETE, 2)
-    counts = assembler.facts()
-    assert (counts.frames_withheld, counts.losses[LossReason.INCOMPLETE], counts.used_by_node) == (1, 2, (0, 0))
-
-
 @pytest.mark.parametrize(('text', 'says'), [
     (TWO.replace('nodes: 2', 'nodes: 3'), 'none with node: 2'), (TWO.replace('nodes: 2\n', ''), r'tpdos\[2\].node'),
     (TWO.replace('node: 1, number: 2', 'node: 1, number: 1'), r'tpdos\[3\].number'),

@@ -12,8 +12,9 @@ from types import SimpleNamespace
 import can
 import numpy as np
 import pytest
-from can_bench import Bench, SkinMaster, serial_line, wait_until
+from can_bench import Bench, SkinMaster, serial_line
 from faulty_bus import Adapter
+from waiting import wait_until
 
 from tactile_node.assembly.facts import LossReason
 from tactile_node.bus import slcan_bus

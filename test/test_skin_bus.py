@@ -6,8 +6,9 @@ import time
 import can
 import numpy as np
 import pytest
-from can_bench import INTERFACE, Bench, other_bus, wait_until
+from can_bench import INTERFACE, Bench, other_bus
 from test_logs import play
+from waiting import wait_until
 
 from tactile_node.assembly.health import BusFault
 from tactile_node.bus.skin_bus import BusSettings, SkinBus

@@ -6,8 +6,9 @@ from collections import Counter
 from contextlib import suppress
 
 import pytest
-from can_bench import Bench, other_bus, wait_until
+from can_bench import Bench, other_bus
 from canopen import SdoAbortedError, SdoCommunicationError
+from waiting import wait_until
 
 from tactile_node.assembly.health import NodeFault
 from tactile_node.bus.own_sdo import OwnSdoClient

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnosed import diagnosed, status_of
-from rclpy.qos import DurabilityPolicy
 
 from tactile_node.assembly.facts import BusFacts, LossReason, NodeFacts, PadFacts
 from tactile_node.assembly.health import (
@@ -27,7 +26,6 @@ from tactile_node.conditioning.tare import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.errors import TareRefusal
 from tactile_node.ros.diagnostics import BusDiagnostics
-from tactile_node.ros.qos import STATUS_QOS
 from tactile_node.ros.status_message import PrimaryState
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus
 from tactile_skin.srv import Tare
@@ -133,7 +131,3 @@ def test_a_pad_has_the_state_of_its_zero():
     conditions = {'left': PadCondition(FaultyTaxels(np.zeros((2, 2), np.uint8)), zero=ZeroState.DEVICE_HAS_RESTARTED)}
     assert status_of(facts, conditions).pads[0].zero_state == PadStatus.ZERO_DEVICE_HAS_RESTARTED
     assert status_of(facts).pads[0].zero_state == PadStatus.ZERO_NOT_KNOWN
-
-
-def test_late_subscribers_get_it():
-    assert STATUS_QOS.durability == DurabilityPolicy.TRANSIENT_LOCAL

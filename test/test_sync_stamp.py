@@ -8,8 +8,9 @@ import threading
 import can
 import numpy as np
 import pytest
-from can_bench import is_balanced, tiny_layout, wait_until
+from can_bench import is_balanced, tiny_layout
 from test_stamp_clock import Hands
+from waiting import wait_until
 
 from tactile_node.assembly.router import Router
 from tactile_node.bus import traffic

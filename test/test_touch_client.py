@@ -8,9 +8,9 @@ import time
 
 import pytest
 from action_msgs.msg import GoalStatus
-from gripper_bench import GripperBench
 from rclpy.action import ActionServer, GoalResponse
 from ros_bench import RosBench
+from waiting import until
 
 from tactile_node.gripper.messages import GripperState, gripper_interface
 from tactile_node.gripper.rules.closing import Outcome
@@ -178,18 +178,3 @@ def test_a_response_that_arrives_before_the_request_is_registered_is_not_lost(ro
         answer, result = goal.cancel(), goal.handle.get_result_async()
         server.handles[-1].execute()
         until(lambda: answer.done() and result.done())
-
-
-def until(condition):
-    end = time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < end, 'timeout'
-        time.sleep(0.005)
-
-
-def test_two_clients_each_get_their_own(ros):
-    bench = GripperBench(ros)
-    first = bench.client.send(position=0.0)
-    second = bench.client.send(position=0.08)
-    assert bench.client.result(first).outcome.outcome == Outcome.REPLACED
-    assert bench.client.result(second).outcome.outcome == Outcome.REACHED

@@ -16,6 +16,7 @@ from pathlib import Path
 import documented_commands as documented
 import pytest
 from ros_bench import RosBench
+from waiting import until
 
 from tactile_skin.msg import ContactShape
 
@@ -61,10 +62,7 @@ def bringup(parent, tmp_path_factory):
     link = tmp_path_factory.mktemp('tutorial') / 'skin'
     with ExitStack() as stack:
         started(stack, 'tactile simulate', link)
-        deadline = time.monotonic() + TIMEOUT
-        while not link.is_symlink():
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+        until(link.is_symlink, TIMEOUT)
         yield started(stack, 'tactile bringup', link, more=['--end-with', str(parent.pid)])
 
 

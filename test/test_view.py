@@ -11,7 +11,8 @@ from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
-from viewed import NAN, HandSource, contact, state, until
+from viewed import NAN, HandSource, contact, state
+from waiting import until
 
 from tactile_node.assembly.facts import BusFacts, LossReason, NodeFacts, PadFacts, losses_in, pad_counts
 from tactile_node.assembly.facts_history import FactsHistory

@@ -14,7 +14,8 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from viewed import NAN, HandSource, contact, state, until
+from viewed import NAN, HandSource, contact, state
+from waiting import until
 
 pytestmark = [pytest.mark.bus, pytest.mark.slow]
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or ''

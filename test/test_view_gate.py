@@ -5,7 +5,8 @@ import urllib.request
 from types import SimpleNamespace
 
 import pytest
-from viewed import HandSource, until
+from viewed import HandSource
+from waiting import until
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.viewing.gate import Gate, Request, check_request

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from test_topic_bag import TAXELS, bag, store, taxel_array
-from viewed import NAN, until
+from viewed import NAN
+from waiting import until
 
 from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.bus_settings import BusSettings

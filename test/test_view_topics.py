@@ -5,7 +5,8 @@ import time
 import numpy as np
 import pytest
 import rclpy
-from viewed import NAN, until
+from viewed import NAN
+from waiting import until
 
 pytestmark = pytest.mark.ros
 

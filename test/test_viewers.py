@@ -161,21 +161,6 @@ def test_all_contacts_count():
     assert wrench(message) == pytest.approx([0, 0, -5.0, -(3.2 * 0.005 + 1.8 * 0.022), 3.2 * 0.003 + 1.8 * 0.024, 0])
 
 
-def test_forces_of_a_skin_in_newtons_are_added():
-    assert wrench(taxels(pressed((3, 7, 3, 5), value=0.5), unit='N'))[2] == pytest.approx(-7.5)
-
-
-def test_a_dead_taxel_inside_a_contact_counts_with_its_neighbours():
-    assert wrench(taxels(pressed((3, 7, 3, 5), hidden=[(4, 9, 1, 1)])))[2] == pytest.approx(-3.0)
-
-
-def test_the_wrench_at_an_edge_is_known_if_the_finger_ends_with_the_skin():
-    message = taxels(pressed((0, 7, 3, 5)))
-    assert all(map(math.isnan, wrench(message)))
-    message.finger_ends = message.FIRST_ROW
-    assert wrench(message)[2] == pytest.approx(-3.0)
-
-
 def test_an_empty_pad_that_was_seen_has_no_force():
     assert wrench(taxels(pressed())) == [0.0] * 6
 

@@ -55,11 +55,3 @@ class HandSource:
 
     def age(self, seen):
         return time.monotonic() - seen.acquired
-
-
-def until(is_reached, seconds=20.0):
-    """Wait until another thread, node or process makes ``is_reached`` return True."""
-    end = time.monotonic() + seconds
-    while not is_reached() and time.monotonic() < end:
-        time.sleep(0.02)
-    assert is_reached()

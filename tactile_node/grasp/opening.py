@@ -1,4 +1,4 @@
-"""Provide the gripper's opening: the latest value from one source, unless the value is too old."""
+"""The gripper's opening, which is known only while the latest value of its source is not too old."""
 
 import math
 from dataclasses import dataclass
@@ -68,40 +68,11 @@ class LinearGap:
         return (gap - self.offset) / self.scale
 
 
-class LatestGap:
-    """Holds the latest value of one source.
+def opening(gap: float, source: GapSource, age: float, max_age: float = math.inf) -> Opening:
+    """Return the opening of a source whose latest value is ``gap`` [m], or UNKNOWN_OPENING if ``gap`` is NaN.
 
-    All times come from a steady clock [s], so that a jump of the wall clock has no effect.
-
-    Parameters
-    ----------
-    source : GapSource
-        Source of the values.
-    max_age : float
-        Age above which a value is no longer used [s].
+    The gap is NaN if ``age`` [s], on a steady clock, exceeds ``max_age`` [s].
     """
-
-    def __init__(self, source: GapSource, max_age: float = math.inf):
-        if not max_age > 0:
-            raise ConfigurationError('age limit of the opening', expected='more than 0 s', got=f'{max_age}',
-                                     remedy='Give at least twice the period of the source.')
-        self._source = source
-        self._max_age = max_age
-        self._gap = math.nan
-        self._measured = math.nan
-
-    def set(self, gap: float, measured: float) -> None:
-        """Store a value measured at the time ``measured``. A value of NaN withdraws the previous value."""
-        self._gap = gap
-        self._measured = measured
-
-    def current(self, now: float) -> Opening:
-        """Return the opening at ``now``, with NaN as its gap if the latest value is too old."""
-        if math.isnan(self._gap):
-            return UNKNOWN_OPENING
-        return opening(self._gap, self._source, max(0.0, now - self._measured), self._max_age)
-
-
-def opening(gap: float, source: GapSource, age: float, max_age: float) -> Opening:
-    """Return an opening, with NaN as its gap if ``age`` exceeds ``max_age`` [s]."""
-    return Opening(gap if age <= max_age else math.nan, source, age)
+    if math.isnan(gap):
+        return UNKNOWN_OPENING
+    return Opening(gap if age <= max_age else math.nan, source, max(0.0, age))

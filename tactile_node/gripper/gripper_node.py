@@ -176,19 +176,19 @@ class GripperNode(Node):
 
     def _on_end(self, handle: ServerGoalHandle, ending: Ending) -> None:
         """Publish the outcome of a goal or hold, and send the result of a goal."""
-        text = ending.text
         if ending.outcome in FAILURES and not self._client.is_there:
             action = self.resolve_topic_name(self._settings.gripper_action)
-            text += f'{"; " if ":" in text else ": "}{unserved_text(action)}'
+            ending = ending._replace(reasons=(*ending.reasons, unserved_text(action)))
         message = GripperOutcome(goal_id=handle.goal_id.uuid, outcome=int(ending.outcome), of_hold=ending.is_hold,
-                                 message=text, opening=ending.opening,
+                                 message=ending.text, opening=ending.opening,
                                  forces=[pad.force for pad in ending.pads],
                                  force_is_bound=[pad.is_bound for pad in ending.pads])
         message.header.stamp = self.get_clock().now().to_msg()
         self._outcomes.publish(message)
         if not ending.is_usual:
             level = logging.ERROR if ending.outcome is Outcome.REFUSED else logging.WARNING
-            logger.log(level, '%s ended: %s', 'hold' if ending.is_hold else 'goal', text, extra=of_node(self))
+            logger.log(level, '%s ended: %s', 'hold' if ending.is_hold else 'goal', ending.text,
+                       extra=of_node(self))
         if ending.is_hold:
             return
         state = self._state(ending.outcome)

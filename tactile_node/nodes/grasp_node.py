@@ -145,7 +145,7 @@ class GraspNode(StageNode):
             self._publish(self._tracker.state(now, opening.gap), opening)
 
     def _publish(self, state: GraspState, opening: Opening) -> None:
-        self._grasps.publish(self._described(state, opening).message)
+        self._grasps.publish(lambda: self._message(state, opening, self._sides))
         self._grasp_sides.publish(lambda: sides_message(
             state, [self._latest[side].complete_message for side in SIDES], self._settings.frame, self._ages()))
         if self._requests is not None:
@@ -162,12 +162,16 @@ class GraspNode(StageNode):
             steady = self._steady()
             received = max((arrival.steady for arrival in self._arrivals.values()), default=-math.inf)
             has_ended = self._settings.lossless and steady - received > self._settings.max_age
-            return self._described(self._tracker.state(math.inf if has_ended else self._now(), opening.gap), opening)
+            state, sides = self._tracker.state(math.inf if has_ended else self._now(), opening.gap), self._sides
+            return CurrentGrasp(state, sides, lambda: self._message(state, opening, sides))
 
-    def _described(self, state: GraspState, opening: Opening) -> CurrentGrasp:
-        sides = [self._latest[side].message for side in SIDES]
-        return CurrentGrasp(state, sides, lambda: grasp_message(state, sides, opening, self._settings.frame,
-                                                                self._ages(), self._gripper))
+    @property
+    def _sides(self) -> list[ContactShape]:
+        """Latest shapes of the left and the right pad."""
+        return [self._latest[side].message for side in SIDES]
+
+    def _message(self, state: GraspState, opening: Opening, sides: list[ContactShape]) -> Grasp:
+        return grasp_message(state, sides, opening, self._settings.frame, self._ages(), self._gripper)
 
     def _ages(self) -> list[float]:
         """Return the age of each side's latest shape [s], or inf if the side has none."""

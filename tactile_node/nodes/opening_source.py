@@ -19,7 +19,7 @@ from rclpy.qos import qos_profile_sensor_data
 from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import FrameTree
-from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, LatestGap, LinearGap, Opening, is_plausible, opening
+from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, LinearGap, Opening, is_plausible, opening
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import publish_status
 from tactile_node.parameter import table
@@ -71,18 +71,19 @@ class ParameterOpening:
 
     def __init__(self, node: Node, steady: Callable[[], float]):
         self._steady = steady
-        self._latest = LatestGap(GapSource.PARAMETER)
         self._on_parameters([node.get_parameter('gap')])
         node.add_post_set_parameters_callback(self._on_parameters)
 
     def current(self) -> Opening:
         """Return the current opening."""
-        return self._latest.current(self._steady())
+        gap, set_at = self._latest
+        return opening(gap, GapSource.PARAMETER, self._steady() - set_at)
 
     def _on_parameters(self, parameters: Sequence[Parameter]) -> None:
         for each in parameters:
             if each.name == 'gap':
-                self._latest.set(each.value if each.value >= 0 else math.nan, self._steady())
+                # the gap [m], and the time when it was set, on the steady clock [s]
+                self._latest = each.value if each.value >= 0 else math.nan, self._steady()
 
 
 def refuse_a_gap_that_nothing_reads(node: Node, source: str) -> None:
@@ -150,7 +151,9 @@ class JointStatesOpening(MeasuredOpening):
         from sensor_msgs.msg import JointState
         self._joints = settings.gap_joints
         self._law = law
-        self._latest = LatestGap(GapSource.JOINT_STATES, settings.max_gap_age)
+        self._max_age = settings.max_gap_age
+        # the latest gap [m], and the time when it was measured, on the steady clock [s]
+        self._latest = math.nan, math.nan
         self._measured = MeasurementTime(use_stamps=use_stamps(node, settings))
         states = GuardedSubscription(node, JointState, settings.joint_states_topic, self._on_state,
                                      qos_profile_sensor_data, check=self._check, steady=steady)
@@ -158,7 +161,8 @@ class JointStatesOpening(MeasuredOpening):
         super().__init__(node, [states], remedy, steady)
 
     def current(self) -> Opening:
-        return self._latest.current(self._steady())
+        gap, measured = self._latest
+        return opening(gap, GapSource.JOINT_STATES, self._steady() - measured, self._max_age)
 
     def _check(self, message: 'JointState') -> RejectReason | None:
         if self._is_of_others(message) and not math.isnan(self.current().gap):
@@ -168,7 +172,7 @@ class JointStatesOpening(MeasuredOpening):
     def _on_state(self, message: 'JointState') -> None:
         if not self._is_of_others(message):
             measured = self._measured.of(seconds(message.header.stamp), self._steady())
-            self._latest.set(self._law.gap(sum_of_positions(message, self._joints)), measured)
+            self._latest = self._law.gap(sum_of_positions(message, self._joints)), measured
 
     def _is_of_others(self, message: 'JointState') -> bool:
         return set(self._joints).isdisjoint(message.name)
@@ -203,7 +207,7 @@ class TfOpening(MeasuredOpening):
         gap = self._law.gap(distance)
         if measured == math.inf or not is_plausible(gap):  # inf means static frames, which do not move with the fingers
             return UNKNOWN_OPENING
-        return opening(gap, GapSource.TF, max(0.0, self._steady() - measured), self._max_age)
+        return opening(gap, GapSource.TF, self._steady() - measured, self._max_age)
 
     def _check(self, message: Any) -> RejectReason | None:
         if len(self._tree) + len(message.transforms) > MOST_FRAMES:

@@ -63,9 +63,14 @@ class Ending(NamedTuple):
     outcome: Outcome
     is_hold: bool  #: True if the hold after the goal has ended
     succeeds: bool  #: True if the goal has succeeded
-    text: str  #: outcome and its explanation
+    reasons: tuple[str, ...]  #: explanations of the outcome
     opening: float  #: [m], or NaN if unknown
     pads: tuple[ForceReading, ForceReading]  #: forces that the pads read now
+
+    @property
+    def text(self) -> str:
+        """Outcome with its explanations."""
+        return f'{self.outcome.name}: {"; ".join(self.reasons)}' if self.reasons else self.outcome.name
 
     @property
     def is_usual(self) -> bool:
@@ -394,14 +399,14 @@ class TouchControl:
         is_held = run.goal is not None and self.touch.contact is GraspContact.TWO_SIDED and self.is_current
         succeeds = outcome in SUCCESSES or (outcome is Outcome.STALLED and is_held)
         pads = (self.touch if self.is_current else NO_TOUCH).pads
-        self._on_end(run.handle, Ending(outcome, run.is_hold, succeeds, self._text(run, outcome), self.opening, pads))
+        self._on_end(run.handle, Ending(outcome, run.is_hold, succeeds, self._reasons(run), self.opening, pads))
         if self._settings.hold and outcome is Outcome.FORCE_REACHED and run.goal and not run.goal.until_touched:
             held = Holding(run.goal, self._settings, self._steady(), self.opening)
             self._run = _Run(run.handle, run.wish, held, opening=run.opening, waits=False)
 
-    def _text(self, run: _Run, outcome: Outcome) -> str:
+    def _reasons(self, run: _Run) -> tuple[str, ...]:
         texts = [run.reason] * bool(run.reason) + [IN_DOUBT] * self.commands.is_doubtful
         limit = run.goal.force if run.goal is not None else math.nan
         if self.force - limit >= LEAST_EXCESS:
             texts.append(f'{self.force - limit:.1f} N more than the {limit:g} N of the goal')
-        return f'{outcome.name}: {"; ".join(texts)}' if texts else outcome.name
+        return tuple(texts)
