@@ -363,8 +363,9 @@ def test_an_slcan_port_is_for_one_process_and_can_be_opened_again():
     with SlcanPty() as adapter, ExitStack() as cleanup:
         cleanup.callback(can.Notifier(adapter, [], 0.01).stop)
         client = open_bus('slcan', adapter.port, 500_000)
-        with pytest.raises(BusError, match='another process has this port open'):
+        with pytest.raises(BusError, match='another process has this port open') as refused:
             open_bus('slcan', adapter.port, 500_000)
+        assert 'tactile bringup --record' in refused.value.remedy
         client.shutdown()
         open_bus('slcan', adapter.port, 500_000).shutdown()
 
