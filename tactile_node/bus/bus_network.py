@@ -34,8 +34,8 @@ _REMEDIES = {
     'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb. On Linux, python-can 4.6 cannot open an '
               'adapter through CANlib (docs/adapters.md).',
     'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
-_REMEDY_IN_USE = ('Only one program can use a serial port. Close the other program. If it is the driver, let the driver '
-                  'record (tactile bringup --record FILE), and view its topics (tactile view).')
+_REMEDY_IN_USE = ('Only one program can use a serial port. Close the other program. If it is the driver, let the '
+                  'driver record (tactile bringup --record FILE), and view its topics (tactile view).')
 #: Manufacturer's library that python-can loads, by interface.
 _LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
 
