@@ -238,5 +238,5 @@ def test_a_link_replaces_links_only(tmp_path):
         with pytest.raises(ConfigurationError):
             run(simulate, '--pty', '--link', link, '--duration', 0)
     assert precious.read_text() == 'kept'
-    (tmp_path / 'skin').symlink_to('/dev/null')
+    (tmp_path / 'skin').symlink_to(tmp_path / 'gone')
     assert run(simulate, '--pty', '--link', tmp_path / 'skin', '--duration', 0) == 0

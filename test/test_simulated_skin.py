@@ -22,7 +22,7 @@ from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.cli.main import main
 from tactile_node.cli.tare import DEFAULT_WAIT
 from tactile_node.conditioning.tare import ContactGuard, measure, tare_limit
-from tactile_node.errors import BusError, TareRefusedError
+from tactile_node.errors import BusError, ConfigurationError, TareRefusedError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
 from tactile_node.simulator.touches import RAMP, TOUCH_HOLD, TOUCH_PAUSE, gripper_sources, touch_program
@@ -310,6 +310,21 @@ def test_slcan_adapter_answers_as_the_protocol_says():
         adapter.send(can.Message(arbitration_id=0x1A0, is_extended_id=False, data=[1]))
         assert read_until(port, rb'.*\r') == b't1A0101\r'
         os.close(port)
+
+
+def test_a_second_simulator_leaves_the_link_of_the_first_alone(tmp_path):
+    link = tmp_path / 'skin'
+    with SlcanPty(str(link)) as first:
+        with pytest.raises(ConfigurationError, match=first.port):
+            SlcanPty(str(link))
+        assert os.readlink(link) == first.port
+    assert not link.is_symlink()
+    link.symlink_to(tmp_path / 'gone')  # the rest of a simulator that was killed
+    with SlcanPty(str(link)) as later:
+        assert os.readlink(link) == later.port
+        link.unlink()
+        link.symlink_to(tmp_path)  # the user has given the name to something else
+    assert link.is_symlink()
 
 
 def test_client_that_does_not_read_costs_frames_not_memory():
