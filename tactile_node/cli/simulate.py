@@ -94,8 +94,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_bus_options(parser, channel='vcan0')
     parser.add_argument('--pty', action='store_true', help='offer an slcan adapter on a pseudo-terminal instead')
     parser.add_argument('--link', default='', metavar='PATH',
-                        help='symbolic link to the pseudo-terminal; only with --pty. A link that another simulator uses is '
-                        'not replaced')
+                        help='symbolic link to the pseudo-terminal; only with --pty. A link that another simulator '
+                        'uses is not replaced')
     _add_wire_options(parser)
     add_skin_options(parser)
     parser.add_argument('--shapes', nargs='+', default=CLASSES, metavar='SHAPE', help='shapes that touch the pads: '

@@ -165,8 +165,8 @@ class SlcanPty(can.BusABC):
 def _point(link: Path, port: str) -> None:
     """Make ``link`` a symbolic link to ``port``. Raises ConfigurationError.
 
-    A symbolic link whose target is gone is replaced. A link to an existing port probably belongs to a running simulator,
-    which would become unreachable.
+    A symbolic link whose target is gone is replaced. A link to an existing port probably belongs to a running
+    simulator, which would become unreachable.
     """
     try:
         if link.is_symlink() and (not link.exists() or os.readlink(link) == port):
