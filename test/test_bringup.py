@@ -146,6 +146,15 @@ def test_two_parameter_files_are_both_used_and_the_later_one_wins(tmp_path):
         assert [system.driver.get_parameter(name).value for name in ('sync_period', 'heartbeat_timeout')] == [0.07, 4.0]
 
 
+@pytest.mark.parametrize(('words', 'says'), [
+    (['--node_ids', '32'], 'Write --node-ids.'), (['interface:=slcan'], 'Write --interface=slcan.'),
+    (['--sync-period', '0.05'], '--ros-args -p NAME:=VALUE'), (['nonsense'], 'arguments: nonsense.\n')])
+def test_an_option_in_the_spelling_of_a_launch_argument_is_refused_with_its_spelling(words, says, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(['bringup', *words])
+    assert ended.value.code == 2 and says in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(('text', 'says'), [
     ('/**/skin_drvier: {ros__parameters: {sync_period: 0.05}}', "Did you mean 'skin_driver'?"),
     ('hand: {left: {skin_processor: {ros__parameters: {queue_depth: 1}}}}', "'hand/left/skin_processor'"),

@@ -174,7 +174,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
     add_number(parser, '--end-with', int, limits={'least': 1}, metavar='PID',
                help='end when the process with this ID ends')
-    parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments for all nodes')
+    parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments for all nodes, '
+                        'for example `-p sync_period:=0.05` for a parameter that has no option')
 
 
 def run(args: argparse.Namespace) -> int:
