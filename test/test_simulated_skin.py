@@ -6,6 +6,7 @@ import select
 import struct
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -185,6 +186,16 @@ def test_touches_press_and_let_go():
     assert program(0.55).max() == pytest.approx(30_000, rel=1e-3)  # This time lies in the middle of the ramp of 0.1 s.
     on_off = touch_program(load_layout('nus_sinapse_64x64.yaml'), ('square',), areas=(400,), seed=3)(1.0)
     assert set(np.unique(on_off)) == {0, 1} and abs(on_off.sum() - 400) < 25
+
+
+@pytest.mark.parametrize(('rows', 'cols'), [(8, 8), (12, 10)])
+def test_the_default_touches_lie_within_a_small_pad(rows, cols):
+    layout = replace(load_layout('sim16x16.yaml'), rows=rows, cols=cols)
+    program = touch_program(layout, rounds=3)
+    assert len(program.touches) == 3 * 3 * 5
+    for touch in program.touches:
+        pressed = program(touch.end - 0.2)
+        assert abs(pressed.sum() / pressed.max() - touch.contact.area) < 0.1 * touch.contact.area
 
 
 CONFIG = Path(__file__).parents[1] / 'config'
