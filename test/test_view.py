@@ -449,7 +449,7 @@ class ReportedPad(PadFacts):
 class ReportedBus(BusFacts):
     """The fields of a SkinStatus that the viewers read."""
 
-    level: int = 2
+    level: int = 3
     message: str = 'growing: queue_overruns'
 
 
@@ -463,17 +463,17 @@ def test_a_terminal_shows_the_level_and_the_text_of_the_driver(stream, monkeypat
     source.store.put(state())
     source.store.put_bus(STATUS)
     shown = shown_on(stream(), source, 1.2)
-    assert 'bus: WARN: growing: queue_overruns' in shown and 'pad left: ERROR: node 32 is silent' in shown
+    assert 'driver: ERROR, bus: growing: queue_overruns' in shown and 'pad left: ERROR: node 32 is silent' in shown
     source.store.put_bus(STATUS, age=60.0)  # The driver has ended.
     shown = shown_on(stream(), source, 1.2)
-    assert 'WARN' not in shown and 'no status for 6' in shown
+    assert 'ERROR' not in shown and 'no status for 6' in shown
 
 
 def test_the_page_shows_the_level_and_the_text_of_the_driver():
     rows = rows_of(counts_table(STATUS))
-    assert rows['driver, bus'] == 'WARN: growing: queue_overruns'
-    assert rows['driver, pad left'] == 'ERROR: node 32 is silent'
-    assert 'WARN' not in counts_table(STATUS, 12.0) and 'driver, bus' not in counts_table(BusFacts())
+    assert rows['driver'] == 'ERROR, bus: growing: queue_overruns'
+    assert rows['pad left'] == 'ERROR: node 32 is silent'
+    assert 'ERROR' not in counts_table(STATUS, 12.0) and 'driver' not in rows_of(counts_table(BusFacts()))
 
 
 @pytest.mark.slow

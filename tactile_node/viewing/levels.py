@@ -8,7 +8,7 @@ OLD_STATUS_AGE = 3.0  #: age above which a status is marked as old [s]; the driv
 
 
 class Level(NamedTuple):
-    """Level of the bus or of one pad, with the text that the driver also publishes on /diagnostics."""
+    """Level of the driver or of one pad, with the text that the driver also publishes on /diagnostics."""
 
     where: str
     text: str
@@ -16,9 +16,12 @@ class Level(NamedTuple):
 
 
 def levels_of(facts: Any) -> list[Level]:
-    """Return the levels of the bus and its pads from a SkinStatus, or an empty list for other facts about a bus."""
+    """Return the levels of the driver and its pads from a SkinStatus, or an empty list for other facts about a bus.
+
+    The level of the driver is the worst one of the bus and all pads, but its text describes only the bus.
+    """
     if not hasattr(facts, 'level'):
         return []
-    found = [('bus', facts), *((f'pad {pad.pad}', pad) for pad in facts.pads)]
-    return [Level(f'driver, {where}', f'{LEVELS[each.level]}: {each.message}', each.level != OK)
-            for where, each in found]
+    found = [Level('driver', f'{LEVELS[facts.level]}, bus: {facts.message}', facts.level != OK)]
+    return found + [Level(f'pad {pad.pad}', f'{LEVELS[pad.level]}: {pad.message}', pad.level != OK)
+                    for pad in facts.pads]

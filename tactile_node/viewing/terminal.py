@@ -121,7 +121,7 @@ def show_in_terminal(source: ViewSource, stop_requested: Event, stream: TextIO |
 
 
 def _levels(shown: ViewState) -> list[str]:
-    """Return the driver's level and text for the bus and each pad, or the age of a driver's status that is old."""
+    """Return level and text of the driver and each pad, or the age of a driver's status that is old."""
     age, levels = time.monotonic() - shown.bus_acquired, levels_of(shown.bus)
     if levels and age > OLD_STATUS_AGE:
         return [f'driver: no status for {age:.0f} s']
