@@ -7,6 +7,8 @@ import pytest
 from candump import DATA
 
 from tactile_node.cli.main import main
+from tactile_node.package_files import config_path
+from tactile_node.ros.parameter_sections import section_warnings
 from tactile_node.sources.log_source import UNREAD_EXIT
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
@@ -142,6 +144,44 @@ def test_two_parameter_files_are_both_used_and_the_later_one_wins(tmp_path):
     args = _parser('bringup').parse_args(['bringup', '--params-file', str(files[0]), '--params-file', str(files[1])])
     with running(describe_nodes(args, ''), _params_files(args)) as (system, _):
         assert [system.driver.get_parameter(name).value for name in ('sync_period', 'heartbeat_timeout')] == [0.07, 4.0]
+
+
+@pytest.mark.parametrize(('words', 'says'), [
+    (['--node_ids', '32'], 'Write --node-ids.'), (['interface:=slcan'], 'Write --interface=slcan.'),
+    (['--sync-period', '0.05'], '--ros-args -p NAME:=VALUE'), (['nonsense'], 'arguments: nonsense.\n')])
+def test_an_option_in_the_spelling_of_a_launch_argument_is_refused_with_its_spelling(words, says, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(['bringup', *words])
+    assert ended.value.code == 2 and says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('text', 'says'), [
+    ('/**/skin_drvier: {ros__parameters: {sync_period: 0.05}}', "Did you mean 'skin_driver'?"),
+    ('hand: {left: {skin_processor: {ros__parameters: {queue_depth: 1}}}}', "'hand/left/skin_processor'"),
+    ('/**/talker: {ros__parameters: {rate: 1}}', 'The nodes are skin_driver, '),
+    ('# nothing', 'sets no parameter'), ('/**/skin_driver: {sync_period: 0.05}', 'sets no parameter')])
+def test_a_section_that_no_node_reads_is_reported(text, says, tmp_path):
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(text)
+    warning, = section_warnings(str(file))
+    assert says in warning
+
+
+def test_sections_of_every_node_of_this_package_are_known(tmp_path):
+    assert not section_warnings(str(config_path('parameters.yaml'))) and not section_warnings('/nowhere.yaml')
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/**: {ros__parameters: {use_sim_time: true}}\n/hand/*: {ros__parameters: {queue_depth: 1}}\n'
+                    'left: {touch_gripper: {ros__parameters: {joint: finger}}}')
+    assert not section_warnings(str(file))
+
+
+@pytest.mark.parametrize('option', ['--params-file', '--ros-args'])
+def test_a_misspelt_section_is_reported_at_the_start(option, tmp_path, caplog):
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/**/skin_drvier: {ros__parameters: {sync_period: 0.05}}')
+    words = [option, *['--params-file'] * (option == '--ros-args'), str(file)]
+    assert main(['bringup', '--interface', 'nosuch', *words]) == 2
+    assert 'skin_drvier' in caplog.text
 
 
 def test_a_missing_parameter_file_is_reported(capsys):

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from ctypes.util import find_library
 from pathlib import Path
+from types import SimpleNamespace
 
 import can
 import numpy as np
@@ -109,6 +110,15 @@ def _count_readable(log: Path) -> int:
 def test_record_of_a_silent_bus_reports_it(tmp_path, capsys):
     assert run(record, '--interface', 'virtual', '--channel', 'nobody', '--duration', 0.2, tmp_path / 'x.log') == 1
     assert '0 CAN frames' in capsys.readouterr().out
+
+
+def test_record_ends_with_one_error_if_the_adapter_is_unplugged(tmp_path, monkeypatch):
+    def fails(*_):
+        raise can.CanOperationError('unplugged')
+    bus = SimpleNamespace(channel_info='slcan', recv=fails, shutdown=fails)
+    monkeypatch.setattr(record, 'open_bus', lambda *_: bus)
+    with pytest.raises(BusError, match='to continue receiving, got unplugged'):
+        run(record, tmp_path / 'x.log')
 
 
 def test_record_from_a_live_bus(tmp_path, capsys):
@@ -239,5 +249,5 @@ def test_a_link_replaces_links_only(tmp_path):
         with pytest.raises(ConfigurationError):
             run(simulate, '--pty', '--link', link, '--duration', 0)
     assert precious.read_text() == 'kept'
-    (tmp_path / 'skin').symlink_to('/dev/null')
+    (tmp_path / 'skin').symlink_to(tmp_path / 'gone')
     assert run(simulate, '--pty', '--link', tmp_path / 'skin', '--duration', 0) == 0

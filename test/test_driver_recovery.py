@@ -8,8 +8,10 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import replace
 from math import inf
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -330,6 +332,15 @@ def test_the_command_retries_while_something_presses_and_tares_all_pads_of_the_d
     assert process.returncode == 0
     assert printed.read_text().splitlines()[-1].startswith('pad32: tared over 5 frames, noise ')
     wait_for_values(chain, 0)
+
+
+@pytest.mark.parametrize('wait', ['0.01', '0'])
+def test_a_command_that_has_retried_in_vain_suggests_fewer_frames(wait, monkeypatch, capsys):
+    pressed = Tare.Response(refusal=Tare.Response.REFUSAL_PRESSED, message='pressed')
+    client = SimpleNamespace(pads=lambda: ['pad32'], tare=lambda *request: pressed)
+    monkeypatch.setattr(tare_client, 'tare_client', lambda namespace: nullcontext(client))
+    assert main(['tare', '--wait', wait]) == 1
+    assert ('--frames' in capsys.readouterr().err) == (wait != '0')
 
 
 def test_without_a_driver_the_command_says_what_to_start_and_which_drivers_run(tare_here, capsys, monkeypatch):

@@ -144,7 +144,8 @@ def test_a_file_that_is_not_text_is_refused_by_name(tmp_path, name):
 
 @pytest.mark.parametrize(('pads', 'says'), [
     ([('a', 32), ('b', 34)], 'COB-ID that is used only once'), ([('a', 32), ('a', 64)], 'a different name'),
-    ([('a', 32), ('b', 32)], 'a different node_id'), ([], 'at least one')])
+    ([('a', 32), ('b', 32)], 'a different node-ID'), ([('pad32', 32), ('pad32', 32)], 'a different node-ID'),
+    ([], 'at least one')])
 def test_pads_that_cannot_share_a_bus(pads, says):
     layout = load_layout('sim16x16.yaml')
     with pytest.raises(ConfigurationError, match=says):

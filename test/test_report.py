@@ -148,6 +148,8 @@ def test_the_report_omits_the_taxels_of_another_device(tmp_path):
     assert not left.touches and left.samples == () and left.health is None
     assert len(right.touches) == 1 and right.contradiction is None
     assert (Remark.WRONG_DEVICE, 'pad32') in found_in(report)
+    problem, = (each for each in findings(report) if each.finding is Remark.WRONG_DEVICE)
+    assert 'sim16x16.yaml' in problem.sentence and '--layout' in problem.sentence
     assert report.nodes[0].objects[0x1018, 2] == (bytes.fromhex('09001616'),)
     trusted, = report_of(path, node_ids=(32,), any_device=True).pads
     assert trusted.contradiction is None and len(trusted.touches) == 1

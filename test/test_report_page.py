@@ -220,4 +220,4 @@ def test_a_bag_is_distinguished_from_a_log_by_its_topics(tmp_path, capsys, monke
     monkeypatch.setitem(sys.modules, 'rclpy', None)
     folder = bag(tmp_path / 'bag', [('/left/taxels', message) for message in frames(12)])
     assert main(['report', str(folder), '-o', str(tmp_path / 'a.html')]) == 0
-    assert '1 pads, 1 touches' in capsys.readouterr().out
+    assert '1 pad, 1 touch, ' in capsys.readouterr().out

@@ -154,6 +154,6 @@ def test_names_say_how_many_pads_there_are():
 
 def test_nodes_that_cannot_share_a_bus(tmp_path):
     layout = tiny_layout(tmp_path, TWO)
-    for node_ids, says in (((1, 1), 'a different node_id'), ((1,), '2 node-IDs'), ((1, 128), 'node-ID 1..127')):
+    for node_ids, says in (((1, 1), 'a different node-ID'), ((1,), '2 node-IDs'), ((1, 128), 'node-ID 1..127')):
         with pytest.raises(ConfigurationError, match=says):
             check_pads((PadSettings('pad', node_ids, layout),))

@@ -6,6 +6,7 @@ import select
 import struct
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,7 +24,7 @@ from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.cli.main import main
 from tactile_node.cli.tare import DEFAULT_WAIT
 from tactile_node.conditioning.tare import ContactGuard, measure, tare_limit
-from tactile_node.errors import BusError, TareRefusedError
+from tactile_node.errors import BusError, ConfigurationError, TareRefusedError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
 from tactile_node.simulator.touches import RAMP, TOUCH_HOLD, TOUCH_PAUSE, gripper_sources, touch_program
@@ -188,6 +189,16 @@ def test_touches_press_and_let_go():
     assert set(np.unique(on_off)) == {0, 1} and abs(on_off.sum() - 400) < 25
 
 
+@pytest.mark.parametrize(('rows', 'cols'), [(8, 8), (12, 10)])
+def test_the_default_touches_lie_within_a_small_pad(rows, cols):
+    layout = replace(load_layout('sim16x16.yaml'), rows=rows, cols=cols)
+    program = touch_program(layout, rounds=3)
+    assert len(program.touches) == 3 * 3 * 5
+    for touch in program.touches:
+        pressed = program(touch.end - 0.2)
+        assert abs(pressed.sum() / pressed.max() - touch.contact.area) < 0.1 * touch.contact.area
+
+
 CONFIG = Path(__file__).parents[1] / 'config'
 GRIPPER = [make_pad('left', 32, 'sim16x16.yaml'), make_pad('right', 64, 'sim16x16.yaml')]
 FULL_SCALE = 100e3  # Full scale of sim16x16 [Pa].
@@ -313,6 +324,21 @@ def test_slcan_adapter_answers_as_the_protocol_says():
         os.close(port)
 
 
+def test_a_second_simulator_leaves_the_link_of_the_first_alone(tmp_path):
+    link = tmp_path / 'skin'
+    with SlcanPty(str(link)) as first:
+        with pytest.raises(ConfigurationError, match=first.port):
+            SlcanPty(str(link))
+        assert os.readlink(link) == first.port
+    assert not link.is_symlink()
+    link.symlink_to(tmp_path / 'gone')  # the rest of a simulator that was killed
+    with SlcanPty(str(link)) as later:
+        assert os.readlink(link) == later.port
+        link.unlink()
+        link.symlink_to(tmp_path)  # the user has given the name to something else
+    assert link.is_symlink()
+
+
 def test_client_that_does_not_read_costs_frames_not_memory():
     with SlcanPty() as adapter:
         port = os.open(adapter.port, os.O_RDWR | os.O_NOCTTY)
@@ -364,8 +390,9 @@ def test_an_slcan_port_is_for_one_process_and_can_be_opened_again():
     with SlcanPty() as adapter, ExitStack() as cleanup:
         cleanup.callback(can.Notifier(adapter, [], 0.01).stop)
         client = open_bus('slcan', adapter.port, 500_000)
-        with pytest.raises(BusError, match='another process has this port open'):
+        with pytest.raises(BusError, match='another process has this port open') as refused:
             open_bus('slcan', adapter.port, 500_000)
+        assert 'tactile bringup --record' in refused.value.remedy
         client.shutdown()
         open_bus('slcan', adapter.port, 500_000).shutdown()
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import documented_commands as documented
 import pytest
 from ros_bench import RosBench
+from shape_listener import text_of
 from waiting import until
 
 from tactile_skin.msg import ContactShape
@@ -64,6 +65,12 @@ def bringup(parent, tmp_path_factory):
         started(stack, 'tactile simulate', link)
         until(link.is_symlink, TIMEOUT)
         yield started(stack, 'tactile bringup', link, more=['--end-with', str(parent.pid)])
+
+
+def test_the_listener_prints_the_reason_for_unknown():
+    unknown = ContactShape(shape=ContactShape.UNKNOWN, class_name='unknown', confidence=1.0,
+                           unknown_reason=ContactShape.CUT_BY_EDGE)
+    assert text_of(unknown).split(maxsplit=3) == ['unknown', '100', '%', 'cut by edge']
 
 
 def test_a_newcomer_gets_a_shape_on_a_topic(bringup, tmp_path):

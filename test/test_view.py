@@ -4,7 +4,7 @@ import base64
 import io
 import re
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from threading import Event, Timer
 from unittest.mock import MagicMock
 from xml.etree.ElementTree import fromstring
@@ -438,6 +438,43 @@ def test_a_terminal_shows_shape_and_size(monkeypatch):
     source.store.put(state())
     shown = shown_on(Terminal(), source)
     assert 'square 97 %' in shown and 'side 8.0 mm' in shown and '\x1b[48;5;' in shown
+
+
+@dataclass(frozen=True)
+class ReportedPad(PadFacts):
+    level: int = 3
+    message: str = 'node 32 is silent'
+
+
+@dataclass(frozen=True)
+class ReportedBus(BusFacts):
+    """The fields of a SkinStatus that the viewers read."""
+
+    level: int = 3
+    message: str = 'growing: queue_overruns'
+
+
+STATUS = ReportedBus((ReportedPad('left', 1),))
+
+
+@pytest.mark.parametrize('stream', [Terminal, io.StringIO])
+def test_a_terminal_shows_the_level_and_the_text_of_the_driver(stream, monkeypatch):
+    monkeypatch.setenv('COLUMNS', '100')
+    source = HandSource(['left'])
+    source.store.put(state())
+    source.store.put_bus(STATUS)
+    shown = shown_on(stream(), source, 1.2)
+    assert 'driver: ERROR, bus: growing: queue_overruns' in shown and 'pad left: ERROR: node 32 is silent' in shown
+    source.store.put_bus(STATUS, age=60.0)  # The driver has ended.
+    shown = shown_on(stream(), source, 1.2)
+    assert 'ERROR' not in shown and 'no status for 6' in shown
+
+
+def test_the_page_shows_the_level_and_the_text_of_the_driver():
+    rows = rows_of(counts_table(STATUS))
+    assert rows['driver'] == 'ERROR, bus: growing: queue_overruns'
+    assert rows['pad left'] == 'ERROR: node 32 is silent'
+    assert 'ERROR' not in counts_table(STATUS, 12.0) and 'driver' not in rows_of(counts_table(BusFacts()))
 
 
 @pytest.mark.slow

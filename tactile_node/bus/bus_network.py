@@ -16,7 +16,7 @@ from canopen import Network, ObjectDictionary
 from tactile_node.assembly.health import BusFault
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.bus.reception import Batch, Reception
-from tactile_node.bus.slcan_bus import BulkSlcanBus
+from tactile_node.bus.slcan_bus import BulkSlcanBus, PortInUseError
 from tactile_node.cia301.objects import BIT_RATES
 from tactile_node.errors import BusError, ConfigurationError
 from tactile_node.logs.log_writer import CanLogWriter
@@ -30,11 +30,12 @@ OnFailure = Callable[[BusFault, Exception], None]
 _REMEDIES = {
     'socketcan': 'Check that the interface is up: "ip link" lists all interfaces, "ip link set {channel} up type can '
                  'bitrate {bitrate}" brings it up.',
-    'slcan': 'Check the device path, close other programs that use the port, and check that you have permission to '
-             'open it (group dialout).',
+    'slcan': 'Check the device path, and check that you have permission to open it (group dialout).',
     'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb. On Linux, python-can 4.6 cannot open an '
               'adapter through CANlib (docs/adapters.md).',
     'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
+_REMEDY_IN_USE = ('Only one program can use a serial port. Close the other program. If it is the driver, let the '
+                  'driver record (tactile bringup --record FILE), and view its topics (tactile view).')
 #: Manufacturer's library that python-can loads, by interface.
 _LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
 
@@ -89,6 +90,8 @@ def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.
 def _remedy(interface: str, channel: str, error: Exception) -> str:
     if isinstance(error, (can.CanInterfaceNotImplementedError, ImportError)):
         return 'Check the name, and install what this interface needs (slcan: pyserial).'
+    if isinstance(error, PortInUseError):
+        return _REMEDY_IN_USE
     if getattr(error, 'errno', None) == errno.EAFNOSUPPORT:
         return 'This kernel has no SocketCAN. Load its modules (modprobe -a can can_raw), or use another interface.'
     if interface == 'socketcan' and channel.startswith('vcan'):

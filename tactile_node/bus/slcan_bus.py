@@ -170,10 +170,15 @@ class BulkSlcanBus(slcanBus):
         return super()._recv_internal(0.0)[0]
 
 
+class PortInUseError(can.CanInitializationError):
+    """Another process has locked the serial port."""
+
+
 def _lock_port(port: str) -> int | None:
     """Lock ``port`` against other processes that also request exclusive access, as pyserial can.
 
-    Return the file descriptor that holds the lock, or None if the port is not a file that can be locked.
+    Return the file descriptor that holds the lock, or None if the port is not a file that can be locked. Raises
+    PortInUseError.
     """
     try:
         import fcntl
@@ -187,7 +192,7 @@ def _lock_port(port: str) -> int | None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         os.close(descriptor)
-        raise can.CanInitializationError('another process has this port open') from error
+        raise PortInUseError('another process has this port open') from error
     return descriptor
 
 

@@ -2,9 +2,11 @@
 """
 
 import argparse
+import logging
 import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 from tactile_node.cli.options import add_number, names, node_ids, switch
@@ -13,12 +15,15 @@ from tactile_node.interruption import interruption, stop_with
 from tactile_node.node_graph import NodeDescription, ParameterValue, Role, Side, bus_nodes, roles_of
 from tactile_node.parameter import Parameter, table
 from tactile_node.ros.global_names import without_global_names
+from tactile_node.ros.parameter_sections import section_warnings
 from tactile_node.ros.settings import (
     ClassifierSettings,
     DriverSettings,
     GraspNodeSettings,
     ProcessorSettings,
 )
+
+logger = logging.getLogger(__name__)
 
 SIMULATED_CHANNEL = 'tactile_bringup'
 SETTINGS = {Role.DRIVER: DriverSettings, Role.PROCESSOR: ProcessorSettings, Role.CLASSIFIER: ClassifierSettings,
@@ -169,7 +174,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--namespace', default='', help='namespace of all nodes and topics')
     add_number(parser, '--end-with', int, limits={'least': 1}, metavar='PID',
                help='end when the process with this ID ends')
-    parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments for all nodes')
+    parser.add_argument('--ros-args', nargs=argparse.REMAINDER, default=[], help='ROS arguments for all nodes, '
+                        'for example `-p sync_period:=0.05` for a parameter that has no option')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -181,6 +187,10 @@ def run(args: argparse.Namespace) -> int:
         given = without_global_names(args.ros_args)
         nodes = describe_nodes(args, given.namespace or args.namespace)
         ros_arguments = [*given.arguments, *_params_files(args)]
+        for option, path in pairwise(ros_arguments):
+            if option == '--params-file':
+                for warning in section_warnings(path):
+                    logger.warning(warning)
         if args.simulate and any(node.role is Role.DRIVER for node in nodes):
             _simulate(args, stack)
         from tactile_node.nodes.replay import play  # a late import, because `tactile --help` must work without ROS

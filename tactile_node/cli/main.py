@@ -5,7 +5,7 @@ import argparse
 import logging
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
@@ -75,7 +75,11 @@ def main(argv: list[str] | None = None) -> int:
     """
     argv = sys.argv[1:] if argv is None else argv
     try:
-        args = _parser(argv[0] if argv else '').parse_args(argv)
+        parser = _parser(argv[0] if argv else '')
+        args, unknown = parser.parse_known_args(argv)
+        if unknown:
+            parser.error(' '.join((f'unrecognized arguments: {" ".join(unknown)}.',
+                                   *other_spellings(unknown, parser.options))))
         with _logging(argv[0]):
             status = args.run(args)
         sys.stdout.flush()
@@ -122,6 +126,34 @@ def chosen_command(environment: Mapping[str, str]) -> str:
     return words[0] if words and len(line.split(words[0], 1)[1]) else ''
 
 
+def other_spellings(unknown: Sequence[str], options: Collection[str]) -> list[str]:
+    """Return a hint for each unknown argument that names an option of the command in the spelling of a launch argument.
+
+    Parameters
+    ----------
+    unknown
+        Arguments that the command does not know.
+    options
+        Options of the command.
+
+    Examples
+    --------
+    >>> other_spellings(['--node_ids', '32', 'interface:=slcan'], ['--node-ids', '--interface'])
+    ['Write --node-ids.', 'Write --interface=slcan.']
+    >>> other_spellings(['sync_period:=0.05'], ['--interface', '--ros-args'])
+    ['Set a parameter that has no option with --ros-args -p NAME:=VALUE or --params-file FILE.']
+    """
+    hints: dict[str, None] = {}  # in the order of the arguments, each once
+    for word in unknown:
+        name, sign, value = word.partition(':=' if ':=' in word else '=')
+        option = f'--{name.lstrip("-").replace("_", "-")}'
+        if option in options:
+            hints[f'Write {option}{"=" if sign else ""}{value}.'] = None
+        elif '--ros-args' in options and (sign or word.startswith('--')):
+            hints['Set a parameter that has no option with --ros-args -p NAME:=VALUE or --params-file FILE.'] = None
+    return list(hints)
+
+
 @contextmanager
 def _logging(command: str) -> Iterator[None]:
     """Print warnings and errors of the package to stderr, unless ``command`` runs nodes."""
@@ -142,6 +174,8 @@ def _logging(command: str) -> Iterator[None]:
 class _Program(argparse.ArgumentParser):
     """Parser whose help lists each command on one line, with the FIRST_COMMANDS first commands in a separate group."""
 
+    options: tuple[str, ...] = ()  #: options of the chosen sub-command
+
     def format_help(self) -> str:
         lines = [f'    {name:<12}{text}{_lack(name)}' for name, text in COMMANDS]
         return '\n'.join((f'{self.format_usage()}\n{self.description}', '', 'Begin with these commands, in this order:',
@@ -149,7 +183,7 @@ class _Program(argparse.ArgumentParser):
                           '    --version   print the version', '', f'{self.epilog}', ''))
 
 
-def _parser(chosen: str) -> argparse.ArgumentParser:
+def _parser(chosen: str) -> _Program:
     """Return the parser for all sub-commands. Only the ``chosen`` sub-command is imported and gets its options."""
     parser = _Program(prog='tactile', description='Recognise contact shapes with a tactile skin on a CAN bus.',
                       epilog='`tactile COMMAND --help` explains a command.')
@@ -165,6 +199,7 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
                 command.formatter_class = argparse.RawDescriptionHelpFormatter
             command.set_defaults(run=module.run)
             module.add_options(command)
+            parser.options = tuple(command._option_string_actions)
     return parser
 
 

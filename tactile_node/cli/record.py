@@ -3,6 +3,7 @@
 import argparse
 import sys
 import time
+from contextlib import suppress
 
 import can
 
@@ -42,7 +43,8 @@ def run(args: argparse.Namespace) -> int:
         finally:
             log.close()
     finally:
-        bus.shutdown()
+        with suppress(can.CanError, OSError):  # the adapter was unplugged
+            bus.shutdown()
     if log.failure:
         raise LogError(str(log.path), expected='enough disk space for the recording', got=log.failure,
                        remedy='The frames written before the error can still be read.')

@@ -53,9 +53,14 @@ def run(args: argparse.Namespace) -> int:
         report = _reporter(args, bar.update).report(stop_requested)
         stream.write(page_of(report).encode())
     problems = [found.sentence for found in findings(report) if found.finding.is_problem]
-    print(f'{args.output}: {len(report.pads)} pads, {sum(len(pad.touches) for pad in report.pads)} touches, '
-          f'{len(problems)} problems', *problems, sep='\n  ')
+    print(f'{args.output}: {_counted(len(report.pads), "pad")}, '
+          f'{_counted(sum(len(pad.touches) for pad in report.pads), "touch", "touches")}, '
+          f'{_counted(len(problems), "problem")}', *problems, sep='\n  ')
     return 0
+
+
+def _counted(number: int, noun: str, plural: str = '') -> str:
+    return f'{number} {noun if number == 1 else plural or noun + "s"}'
 
 
 def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:

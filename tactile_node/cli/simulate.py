@@ -23,7 +23,7 @@ from tactile_node.simulator.device import TaxelSource
 from tactile_node.simulator.figures import MOST_SIDE, NAMED, Silhouette, named_silhouette, silhouette_of
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.slcan_pty import SlcanPty
-from tactile_node.simulator.touches import TAXEL_NOISE, TOUCH_AREAS, TOUCH_HOLD, TOUCH_PAUSE, gripper_sources
+from tactile_node.simulator.touches import TAXEL_NOISE, TOUCH_HOLD, TOUCH_PAUSE, gripper_sources
 from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import PadSettings
 
@@ -94,13 +94,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_bus_options(parser, channel='vcan0')
     parser.add_argument('--pty', action='store_true', help='offer an slcan adapter on a pseudo-terminal instead')
     parser.add_argument('--link', default='', metavar='PATH',
-                        help='symbolic link to the pseudo-terminal; only with --pty')
+                        help='symbolic link to the pseudo-terminal; only with --pty. A link that another simulator '
+                        'uses is not replaced')
     _add_wire_options(parser)
     add_skin_options(parser)
     parser.add_argument('--shapes', nargs='+', default=CLASSES, metavar='SHAPE', help='shapes that touch the pads: '
                         f'{", ".join((*CLASSES, *NAMED))}, or a picture file, dark on white (default: the first five)')
-    add_number(parser, '--areas', limits={'above': 0}, nargs='+', default=TOUCH_AREAS, metavar='TAXELS',
-               help='areas of the contacts [taxels] (default: 40 60 80)')
+    add_number(parser, '--areas', limits={'above': 0}, nargs='+', default=(), metavar='TAXELS',
+               help='areas of the contacts [taxels] (default: 40 60 80, and less on a pad with fewer than 16 rows or '
+               'columns)')
     add_number(parser, '--rounds', int, limits={'least': 1}, default=1, metavar='N', help='number of touches for each '
                'shape and area, each at a different place and angle, before the sequence repeats (default: '
                '%(default)s)')
@@ -185,5 +187,5 @@ def _open(args: argparse.Namespace) -> tuple[can.BusABC, str]:
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
     return gripper_sources(pads, [read_shape(shape) for shape in args.shapes], args.seed,
-                           tuple(args.areas) * args.rounds, hold=args.hold, pause=args.pause, slide=args.slide,
+                           tuple(args.areas), rounds=args.rounds, hold=args.hold, pause=args.pause, slide=args.slide,
                            noise=args.noise)

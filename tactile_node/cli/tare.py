@@ -39,6 +39,9 @@ def run(args: argparse.Namespace) -> int:
             while answer.refusal in PRESSED and time.monotonic() < end:
                 answer = client.tare(pad, args.frames, args.on_device)
             is_done &= answer.success
+            if answer.refusal in PRESSED and args.wait:
+                print('tactile: If the pad is touched only now and then, average fewer frames, so that a try fits '
+                      'between two touches, for example --frames 10.', file=sys.stderr)
             print(answer.message if answer.success else f'tactile: error: {answer.message}',
                   file=sys.stdout if answer.success else sys.stderr, flush=True)
     return 0 if is_done else 1

@@ -5,6 +5,7 @@ device has been reset since. Only expedited transfers are read, because the chec
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import can
@@ -68,6 +69,7 @@ class _LoggedNode:
         self._pad = pad
         self._node_id = pad.node_ids[position]
         self._identity = identity
+        self._layout = f'layout {Path(pad.layout.source).name}'
         self._tpdos = {tpdo.cob_id.of(self._node_id): tpdo for tpdo in pad.layout.tpdos if tpdo.node == position}
         self._requested: dict[tuple[int, int], int | None] = {}  # requested value by object, or None for an upload
         self._values: dict[tuple[int, int], int] = {}
@@ -123,10 +125,12 @@ class _LoggedNode:
         ours = self._identity
         if ours is None:
             return None
-        theirs = Identity(*(self._values.get((objects.IDENTITY, sub), wanted) for sub, wanted in enumerate(ours, 1)))
-        if ours.accepts(theirs):
+        read = [self._values.get((objects.IDENTITY, sub)) for sub in range(1, len(ours) + 1)]
+        if ours.accepts(Identity(*(wanted if value is None else value for wanted, value in zip(ours, read)))):
             return None
-        return self._contradiction(objects.IDENTITY, f'{ours}, as the EDS says', str(theirs))
+        return self._contradiction(
+            objects.IDENTITY, f'{ours}, as the EDS for {self._layout} says',
+            ', '.join(f'{name} 0x{value:X}' for name, value in zip(Identity._fields, read) if value is not None))
 
     def _contradictions(self, can_id: int, tpdo: TpdoLayout) -> Iterator[Contradiction]:
         communication, mapping = objects.TPDO_COMMUNICATION + tpdo.number - 1, objects.TPDO_MAPPING + tpdo.number - 1
@@ -135,14 +139,14 @@ class _LoggedNode:
         for index, cob_id in cob_ids.items():
             if index != objects.IDENTITY and (cob_id & objects.ID_MASK == can_id) != (index == communication):
                 number = index - objects.TPDO_COMMUNICATION + 1
-                yield self._contradiction(index, f'0x{can_id:03X} to be TPDO {tpdo.number}, as the layout says',
+                yield self._contradiction(index, f'0x{can_id:03X} to be TPDO {tpdo.number}, as {self._layout} says',
                                           f'0x{cob_id & objects.ID_MASK:03X} as TPDO {number}')
         wanted = [objects.SAM_MPDO] if tpdo.is_mpdo else [len(tpdo.mapping), *(mapped.entry for mapped in tpdo.mapping)]
         count = self._values.get((mapping, 0), 0)  # a count of 0 means that the mapping is being changed
         seen = [self._values.get((mapping, sub)) for sub in range(len(wanted))]
         if count and any(value not in (None, ours) for value, ours in zip(seen, wanted)):
-            yield self._contradiction(mapping, f'the objects {_text(wanted)} in TPDO {tpdo.number}, as the layout '
-                                      'says', _text(seen))
+            yield self._contradiction(mapping, f'the objects {_text(wanted)} in TPDO {tpdo.number}, as '
+                                      f'{self._layout} says', _text(seen))
 
     def _contradiction(self, index: int, expected: str, got: str) -> Contradiction:
         return Contradiction(self._pad.name, self._node_id, index, expected, got)

@@ -39,6 +39,11 @@ class SlcanPty(can.BusABC):
     bitrate
         Bit rate of the bus [bit/s]. A client that sets another bit rate receives no frames, and its frames are not
         received. If None, every bit rate is accepted.
+
+    Raises
+    ------
+    ConfigurationError
+        Raised if the link cannot be made, for example because another simulator uses its name.
     """
 
     def __init__(self, link: str = '', bitrate: int | None = None):
@@ -49,8 +54,6 @@ class SlcanPty(can.BusABC):
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._port_fd)
         self._link = Path(link) if link else None
-        if self._link:
-            _point(self._link, self.port)
         self._lock = threading.Lock()  # needed because another thread sends heartbeats
         self._open = False
         self._is_silent = False  # True in listen-only mode, which refuses frames from the client
@@ -60,6 +63,12 @@ class SlcanPty(can.BusABC):
         self.channel_info = f'slcan on {self.port}'
         self.lost = 0  #: number of frames that the client did not read in time
         super().__init__(self.port)
+        try:
+            if self._link:
+                _point(self._link, self.port)
+        except ConfigurationError:
+            self.shutdown()
+            raise
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Deliver a frame to the client that has opened the channel. If the client does not read, the frame is lost.
@@ -154,14 +163,20 @@ class SlcanPty(can.BusABC):
 
 
 def _point(link: Path, port: str) -> None:
-    """Make ``link`` a symbolic link to ``port``, replacing only existing symbolic links. Raises ConfigurationError."""
+    """Make ``link`` a symbolic link to ``port``. Raises ConfigurationError.
+
+    A symbolic link whose target is gone is replaced. A link to an existing port probably belongs to a running
+    simulator, which would become unreachable.
+    """
     try:
-        if link.is_symlink():
+        if link.is_symlink() and (not link.exists() or os.readlink(link) == port):
             link.unlink()
         link.symlink_to(port)
     except OSError as error:
-        raise ConfigurationError(f'--link {link}', expected='a new name, or a symbolic link to replace',
-                                 got=error.strerror or str(error), remedy='Choose another name.') from None
+        got = f'a link to {os.readlink(link)}, which exists' if link.is_symlink() else error.strerror or str(error)
+        raise ConfigurationError(f'--link {link}', expected='a new name, or a symbolic link whose target is gone',
+                                 got=got, remedy='Choose another name, or end the simulator that uses this name.'
+                                 ) from None
 
 
 def encode(message: can.Message) -> bytes:

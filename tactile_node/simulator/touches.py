@@ -15,7 +15,10 @@ from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import PRESS_BY_UNIT
 
 RAMP = 0.1  #: time in which the pressure rises or falls [s]
-TOUCH_AREAS = (40.0, 60.0, 80.0)  #: areas of the contacts [taxels]
+#: default areas of the contacts [taxels] on a pad with at least AREAS_SIDE rows and columns
+TOUCH_AREAS = (40.0, 60.0, 80.0)
+AREAS_SIDE = 16  #: shorter side for which TOUCH_AREAS are chosen [taxels]
+LEAST_AREA = 12.0  #: smallest default area [taxels], because smaller squares are never recognised with high confidence
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,12 @@ class SimulatedTouch:
     def is_steady(self, time: float) -> bool:
         """Return True if the touch has full pressure at ``time``."""
         return self.begin + RAMP <= time <= self.end - RAMP
+
+
+def touch_areas(layout: SkinLayout) -> tuple[float, ...]:
+    """Return the default areas of the contacts [taxels]. On a small pad, larger contacts would be cut by its edges."""
+    share = min(1.0, (min(layout.rows, layout.cols) / AREAS_SIDE) ** 2)
+    return tuple(max(LEAST_AREA, share * area) for area in TOUCH_AREAS)
 
 
 class TouchProgram:
@@ -63,8 +72,8 @@ class TouchProgram:
 
 
 def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASSES,
-                  areas: tuple[float, ...] = TOUCH_AREAS,
-                  seed: int = 0, hold: float = 1.0, pause: float = 0.5) -> TouchProgram:
+                  areas: tuple[float, ...] = (), seed: int = 0, hold: float = 1.0, pause: float = 0.5,
+                  rounds: int = 1) -> TouchProgram:
     """Return a programme that presses each shape in each size, in general position.
 
     Parameters
@@ -74,17 +83,19 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
     shapes
         Shapes that touch the pad.
     areas
-        Areas of the contacts [taxels].
+        Areas of the contacts [taxels], or empty for those of `touch_areas`.
     seed
         Seed of the random positions, angles and ratios.
     hold
         Duration of each contact [s].
     pause
         Time between two contacts [s].
+    rounds
+        Number of touches for each shape and area.
     """
     rng, now = np.random.default_rng(seed), pause
     touches, values = [], []
-    for area in areas:
+    for area in (areas or touch_areas(layout)) * rounds:
         for shape in shapes:
             contact = (random_figure(rng, shape, area, layout.rows, layout.cols) if isinstance(shape, Silhouette)
                        else random_contact(rng, shape, area, layout.rows, layout.cols))
@@ -115,7 +126,7 @@ SLIDE_WAY = 2.0  #: distance by which a contact slides to either side [pitches]
 
 
 def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouette] = CLASSES,
-                    seed: int = 0, areas: tuple[float, ...] = TOUCH_AREAS, *, hold: float = TOUCH_HOLD,
+                    seed: int = 0, areas: tuple[float, ...] = (), *, rounds: int = 1, hold: float = TOUCH_HOLD,
                     pause: float = TOUCH_PAUSE, slide: float = 0.0,
                     noise: float | None = None) -> dict[str, TaxelSource]:
     """Return sources of taxel values by pad name. Touches on every second pad are mirrored.
@@ -129,7 +140,9 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
     seed
         Seed of the touches and the noise.
     areas
-        Areas of the contacts [taxels].
+        Areas of the contacts [taxels], or empty for those of `touch_areas`.
+    rounds
+        Number of touches for each shape and area.
     hold
         Duration of each contact [s].
     pause
@@ -139,8 +152,9 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
     noise
         Standard deviation of each taxel [fraction of full scale], or None for TAXEL_NOISE, limited by MOST_NOISE.
     """
-    return {pad.name: _felt(pad, touch_program(pad.layout, shapes, areas, seed, hold, pause), -1 if i % 2 else 1, slide,
-                            noise, np.random.default_rng((seed, i))) for i, pad in enumerate(pads)}
+    programs = [touch_program(pad.layout, shapes, areas, seed, hold, pause, rounds) for pad in pads]
+    return {pad.name: _felt(pad, program, -1 if i % 2 else 1, slide, noise, np.random.default_rng((seed, i)))
+            for i, (pad, program) in enumerate(zip(pads, programs))}
 
 
 def _felt(pad: PadSettings, program: TouchProgram, step: int, slide: float, noise: float | None,

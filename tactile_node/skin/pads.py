@@ -218,8 +218,9 @@ def _own(owners: dict[int, str], can_id: int, use: str, pad: str) -> None:
 
 
 def _check_names_and_sync(pads: tuple[PadSettings, ...]) -> None:
-    for key, values in (('name', [pad.name for pad in pads]),
-                        ('node_id', [node_id for pad in pads for node_id in pad.node_ids])):
+    # The node-IDs come first, because the name of a pad may be made from its node-ID.
+    for key, values in (('node-ID', [node_id for pad in pads for node_id in pad.node_ids]),
+                        ('name', [pad.name for pad in pads])):
         if len(set(values)) != len(values):
             raise ConfigurationError('pads', expected=f'a different {key} for each', got=str(values),
                                      remedy=f'Give every pad its own {key}.')

@@ -226,7 +226,7 @@ class LogSource:
         if found is not None:
             raise LogError(f'{self._path}, {node_label(found.pad, found.node_id)}, object 0x{found.object_index:04X}',
                            expected=found.expected, got=f'{found.got} according to the SDO responses in the log',
-                           remedy='Give the layout and EDS of the device that was recorded.')
+                           remedy='Give the layout of the recorded device (--layout).')
 
     def _died(self, error: Exception) -> None:
         self._fail(BusFault.INTERNAL_ERROR, f'{self._path}: {type(error).__name__}: {error}')

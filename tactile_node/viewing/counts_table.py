@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from markupsafe import Markup
 
 from tactile_node.assembly.facts import BUS_LOSSES, BusFacts, NodeFacts, PadFacts, losses_in, pad_counts
+from tactile_node.viewing.levels import OLD_STATUS_AGE, levels_of
 from tactile_node.viewing.templates import shared
 
 #: name, text, and True if the row reports a problem
 Row = tuple[str, str, bool]
 
 MOST_FAULTY_TAXELS = 8  #: maximum number of faulty taxels listed
-OLD_STATUS_AGE = 3.0  #: age above which a status is marked as old [s]; the driver publishes a status every second
 RECENT_TIME = 60.0  #: age up to which losses are shown in red [s]
 
 
@@ -40,7 +40,8 @@ def counts_table(facts: BusFacts | None, age: float = 0.0, before: tuple[BusFact
     else:
         bus = str(facts.failure or (f'nodes with a fault: {faults}' if faults else 'no failure'))
         load = 'not known (log)' if math.isnan(facts.bus_load) else f'{facts.bus_load:.0%}'
-    rows = [('bus', bus, bus != 'no failure'), ('bus load', load, False)]
+    rows: list[Row] = [('bus', bus, bus != 'no failure'), ('bus load', load, False)]
+    rows += [] if is_old else levels_of(facts)
     earlier, span = before or (BusFacts(), None)
     rows += [_counted(_words(name), str(count), count - getattr(earlier, name), span)
              for name in BUS_LOSSES if (count := getattr(facts, name))]

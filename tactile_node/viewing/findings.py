@@ -18,7 +18,8 @@ class Remark(Enum):
     """Kinds of findings. Each value holds True for a problem or False for a hint, and the sentence to show."""
 
     WRONG_DEVICE = True, ('Pad {where}: the SDO responses in the log show a different device or mapping than the '
-                          'layout and its EDS. The page omits the taxels; see the section of this pad.')
+                          'layout {layout} and its EDS. The page omits the taxels; see the section of this pad. Name '
+                          'the layout of the recorded device with --layout, and replace the page with --force.')
     STRANGERS = True, ('Pad {where}: the nodes of this pad sent no heartbeat, but {number:.0f} other nodes with the '
                        'same COB-IDs did. The taxels may belong to another pad. Check the node-IDs.')
     NO_TAXELS = True, ('Pad {where}: this recording contains no taxels. Check --node-id and --layout, and check that '
@@ -56,11 +57,12 @@ class Found(NamedTuple):
     finding: Remark
     where: str = ''
     number: float = 0
+    layout: str = ''  #: name of the pad's layout, for WRONG_DEVICE
 
     @property
     def sentence(self) -> str:
         text: str = self.finding.value[1]
-        return text.format(where=self.where, number=self.number)
+        return text.format(where=self.where, number=self.number, layout=self.layout)
 
 
 def findings(report: Report) -> tuple[Found, ...]:
@@ -76,7 +78,7 @@ def findings(report: Report) -> tuple[Found, ...]:
 
 
 def _of_pad(pad: PadReport) -> Iterator[Found]:
-    yield Found(Remark.WRONG_DEVICE, pad.name, pad.contradiction is not None)
+    yield Found(Remark.WRONG_DEVICE, pad.name, pad.contradiction is not None, pad.layout or '')
     yield Found(Remark.STRANGERS, pad.name, len(pad.strangers))
     yield Found(Remark.NO_TAXELS, pad.name, not pad.are_of_others and (pad.frames == 0 or _is_empty(pad)))
     yield Found(Remark.LOST_CAN_FRAMES, pad.name, 0 if pad.counts is None else sum(losses_in(pad.counts).values()))

@@ -2,7 +2,9 @@
 
 import shutil
 import sys
+import time
 from collections.abc import Sequence
+from textwrap import wrap
 from threading import Event
 from typing import NamedTuple, TextIO
 
@@ -11,6 +13,7 @@ import numpy as np
 from tactile_node.colour_map import PALETTE
 from tactile_node.viewing.contact_text import contact_text
 from tactile_node.viewing.drawn_pad import DrawnPad, Scales, said_of
+from tactile_node.viewing.levels import OLD_STATUS_AGE, levels_of
 from tactile_node.viewing.source import ViewSource, ViewState
 from tactile_node.viewing.templates import printable_text
 
@@ -102,17 +105,27 @@ def show_in_terminal(source: ViewSource, stop_requested: Event, stream: TextIO |
             drawn = scales.drawn_now(source, shown)
             views, footer = [_view(pad) for pad in drawn], _footer(source, shown)
             columns = shutil.get_terminal_size().columns
+            levels = _levels(shown)
             if not live:
-                print(line_of(drawn, footer), file=stream, flush=True)
+                print('; '.join((line_of(drawn, footer), *levels)), file=stream, flush=True)
             elif width_of(views) > columns:
                 narrow = f'needs {width_of(views)} columns; {line_of(drawn, footer)}'
                 height = draw(stream, [narrow[:columns - 1]], height)
             else:
-                height = draw(stream, [*side_by_side(views, True), footer[:columns - 1]], height)
+                wrapped = [part for line in levels for part in wrap(line, columns - 1)]
+                height = draw(stream, [*side_by_side(views, True), footer[:columns - 1], *wrapped], height)
             if source.player is not None and source.player.is_complete and not source.player.is_playing:
                 return
     finally:
         source.stop()
+
+
+def _levels(shown: ViewState) -> list[str]:
+    """Return level and text of the driver and each pad, or the age of a driver's status that is old."""
+    age, levels = time.monotonic() - shown.bus_acquired, levels_of(shown.bus)
+    if levels and age > OLD_STATUS_AGE:
+        return [f'driver: no status for {age:.0f} s']
+    return [printable_text(f'{each.where}: {each.text}') for each in levels]
 
 
 def line_of(drawn: list[DrawnPad], footer: str) -> str:
