@@ -215,7 +215,7 @@ class FaultBench(Bench):
     @property
     def emcy_last(self) -> Emergency | None:
         """The latest EMCY of node 32."""
-        return self.driver.monitor.emergencies[32].last
+        return self.driver.bus_monitor.emergencies[32].last
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         assert wait_until(condition, TIMEOUT), f'{what}; {self.driver.facts()}; {self.log.errors}'

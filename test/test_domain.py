@@ -222,7 +222,7 @@ def test_our_own_requests_take_their_part_of_the_bus(tmp_path):
         bench.take_whole(2)
         bench.driver.close()
         messages = list(CanLogReader(log))
-    assert bench.driver.monitor.bits == sum(bits[len(message.data)] for message in messages)
+    assert bench.driver.bus_monitor.bits == sum(bits[len(message.data)] for message in messages)
     assert sum(message.arbitration_id == 0x620 for message in messages) > 100
 
 

@@ -28,6 +28,7 @@ from tactile_node.nodes.stage import StageInput
 from tactile_node.nodes.system import System
 from tactile_node.pose.pipeline import Taxels
 from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
+from tactile_node.ros.message_age import age_seconds
 from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import MOST_WAITING
@@ -156,6 +157,21 @@ def test_function_calls_and_messages_give_the_same_results():
         15 * [(False, False, False)] + 5 * [(True, False, False)] + 3 * [(True, True, True)])
 
 
+def test_each_of_two_frames_that_wait_together_has_its_own_age():
+    """A late chain finds two frames of a pad. The older frame must not get the age of the newer one."""
+    with Process() as process:
+        contacts = heard_by(process.peer, Contact, '/left/contact')
+        taxels = process.input('/left/processor')
+        until(lambda: (process.send(['left']), time.sleep(PERIOD), len(contacts) > 0)[-1])
+        go, sent, apart = blocked(process.chain), process.sequence, 1000.0
+        for number, before in ((1, apart), (2, 0.0)):
+            process.chain.post(process._feed, taxels, pad_frame(sent + number), time.monotonic() - before)
+        go.set()
+        until(lambda: contacts[-1].sequence == sent + 2)
+    first, second = (age_seconds(message.age) for message in contacts[-2:])
+    assert contacts[-2].sequence == sent + 1 and first >= apart > second
+
+
 def test_nothing_is_published_between_nodes_that_share_a_process():
     with Process() as process:
         grasps = heard_by(process.peer, GraspSides, '/grasp_sides')
@@ -182,7 +198,7 @@ def test_an_exception_of_a_stage_is_counted_and_the_other_stages_continue(monkey
     with Process() as process:
         failing, good = process.input('/left/classifier'), process.input('/right/classifier')
 
-        def fail(contact):
+        def fail(contact, arrival):
             raise ValueError('a stage that raises')
         monkeypatch.setattr(failing, '_accept', fail)
         for _ in range(10):
@@ -202,10 +218,10 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
         accept, begun, go = stage._accept, threading.Event(), threading.Event()
 
-        def block(contact):
+        def block(contact, arrival):
             begun.set()
             assert go.wait(TIMEOUT)
-            accept(contact)
+            accept(contact, arrival)
         monkeypatch.setattr(stage, '_accept', block)
         process.send()
         assert begun.wait(TIMEOUT)
@@ -243,7 +259,8 @@ def test_the_older_contact_of_two_waiting_pads_is_processed_first():
     answered = []
     with Process() as process:
         for pad in ('left', 'right'):
-            process.input(f'/{pad}/classifier')._accept = lambda each, pad=pad: answered.append((pad, each.sequence))
+            process.input(f'/{pad}/classifier')._accept = (
+                lambda each, arrival, pad=pad: answered.append((pad, each.sequence)))
         go = blocked(process.chain)
         for pad, sequence in (('left', 2), ('right', 1)):
             process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(sequence), PERIOD * sequence)
@@ -258,7 +275,7 @@ def test_messages_for_viewers_follow_the_shapes_of_both_pads():
     with Process() as process:
         go = blocked(process.chain)
         for pad in ('left', 'right'):
-            process.input(f'/{pad}/classifier')._accept = lambda each, pad=pad: made.append(f'shape of {pad}')
+            process.input(f'/{pad}/classifier')._accept = lambda each, arrival, pad=pad: made.append(f'shape of {pad}')
             process.nodes[f'/{pad}/processor']._views = SimpleNamespace(
                 is_wanted=True, publish=lambda contact, pad=pad: made.append(f'images of {pad}'))
             process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(1), PERIOD)
@@ -281,7 +298,7 @@ def test_a_chain_that_hangs_does_not_keep_the_grasp_fresh():
 def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
     """Without subscribers, 50 frames per second would each create a task and a closure that nobody needs."""
     postponed = []
-    monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish: postponed.append(stage.topic))
+    monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish, arrival: postponed.append(stage.topic))
     with Process() as process:
         stages = [process.input(name) for name in ('/left/processor', '/left/classifier')]
         until(lambda: (process.send(), time.sleep(PERIOD), all(each.counts.processed > 5 for each in stages))[-1])
@@ -377,7 +394,7 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
     system, begun, go = replaying(tmp_path / 'long.log'), threading.Event(), threading.Event()
     stage = next(node for node in system.nodes if node.get_name() == 'classifier')._contacts
 
-    def block(contact):
+    def block(contact, arrival):
         begun.set()
         go.wait(TIMEOUT)
     monkeypatch.setattr(stage, '_accept', block)

@@ -70,10 +70,9 @@ class ClassifierNode(StageNode):
         self._ends = self._contacts, self._shapes
         MessageHealth(self, [self._contacts], self._settings)
 
-    def accept(self, contact: PadContact) -> None:
+    def accept(self, contact: PadContact, arrival: Arrival) -> None:
         """Recognise the shape of ``contact`` and publish the result."""
         result = self._pipeline.recognise(contact.found, seconds(contact.header.stamp))
-        arrival = self._contacts.arrival
         shape = self._shape(contact, result, arrival)
         shape.message.left_out = self._contacts.left_out
         self._shapes.send(shape, arrival.acquired)
@@ -83,7 +82,7 @@ class ClassifierNode(StageNode):
             self._events.publish(event_message(event, contact.header, contact.sequence, _age(arrival)))
         self.recognised += 1
         if self._view.is_wanted or self._all_shapes.is_wanted:
-            self._contacts.postpone(lambda: self._publish_more(contact, result, shape, arrival))
+            self._contacts.postpone(lambda: self._publish_more(contact, result, shape, arrival), arrival)
 
     def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, arrival: Arrival) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""

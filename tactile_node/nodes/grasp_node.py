@@ -93,7 +93,7 @@ class GraspNode(StageNode):
         MessageHealth(self, tuple(self._shapes.values()), settings)
         self.tick(SILENCE_PERIOD, self._look_for_silence)
 
-    def accept(self, side: str, shape: PadShape) -> None:
+    def accept(self, side: str, shape: PadShape, arrival: Arrival) -> None:
         """Update the grasp with a new shape from one pad, and publish the grasp.
 
         Parameters
@@ -102,8 +102,9 @@ class GraspNode(StageNode):
             Side of the pad, one of SIDES.
         shape : PadShape
             Shape on the pad of this side.
+        arrival : Arrival
+            Arrival of the shape.
         """
-        arrival = self._shapes[side].arrival
         stamp = seconds(shape.header.stamp)
         acquired = stamp if self._settings.lossless else arrival.acquired
         result, opening = side_result(shape.message, acquired), self._opening.current()

@@ -69,7 +69,7 @@ class ProcessorNode(StageNode):
         self._taxels = StageInput(self, TaxelArray, 'taxels', self.accept, self._settings, check=check_taxel_array,
                                   parse=pad_frame_of, stages=self._stages,
                                   step=Step.FIND, most_waiting=settings.most_waiting)
-        self._taxels.sends_on = self._contacts.topic
+        self._taxels.sends_on = self._contacts.topic  # read by `Stages.is_complete`, for a lossless replay
         self._ends = self._taxels, self._contacts
         MessageHealth(self, [self._taxels], self._settings)
         follow_changes(self, ProcessorSettings, check, lambda changed: self._stages.chain.post(self._apply, changed))
@@ -82,17 +82,16 @@ class ProcessorNode(StageNode):
         if settings.press_threshold != before.press_threshold:
             self._scales = scales_of(settings)
 
-    def accept(self, frame: PadFrame) -> None:
+    def accept(self, frame: PadFrame, arrival: Arrival) -> None:
         """Find the contacts in ``frame``, publish them and hand them over."""
         unit, values = frame.taxels.unit or '', frame.values
         if unit in self._scales and (error := self._scales[unit].doubt(values)):
             logger.warning('%s: %s', self._taxels.topic, error, extra=of_node(self, fact=error))
             self._scales = {}  # the warning is logged only once
         contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
-        arrival = self._taxels.arrival
         self._contacts.send(contact, arrival.acquired)
         if self._views.is_wanted or self._features.is_wanted:
-            self._taxels.postpone(lambda: self._publish_more(contact, arrival))
+            self._taxels.postpone(lambda: self._publish_more(contact, arrival), arrival)
 
     def _publish_more(self, contact: PadContact, arrival: Arrival) -> None:
         """Publish features, images and wrenches, which no other stage waits for."""

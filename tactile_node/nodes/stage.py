@@ -20,7 +20,7 @@ from tactile_node.chain import Chain, Step
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.ticker import Ticker
-from tactile_node.ros.message_age import age_message
+from tactile_node.ros.message_age import Arrival, age_message
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
@@ -93,7 +93,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
     topic : str
         Name of the topic.
     accept : callable
-        Function that is called with each result, on the chain thread.
+        Function that is called with each result and its arrival, on the chain thread.
     settings : ReceiverSettings
         Settings of the node.
     check : callable
@@ -116,7 +116,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         Topic of this stage's results, or None for the last stage of a pad.
     """
 
-    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
+    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result, Arrival], None],
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
@@ -127,8 +127,8 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         qos = settings.input_qos
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
-        # usable results that wait for ``step``, each after the results that it has overtaken
-        self._waiting: deque[list[Result]] = deque()
+        # usable results that wait for ``step``, each after the results that it has overtaken, and with its arrival
+        self._waiting: deque[tuple[list[Result], Arrival]] = deque()
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
@@ -169,9 +169,9 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._is_fed = False
         self._own.clear()
 
-    def postpone(self, publish: Callable[[], None]) -> None:
-        """Publish what only viewers need, when this no longer delays a shape."""
-        self._stages.chain.postpone(Step.SHOW, self.arrival.acquired, self.attempt, publish)
+    def postpone(self, publish: Callable[[], None], arrival: Arrival) -> None:
+        """Publish what only viewers need of the result with this arrival, when this no longer delays a shape."""
+        self._stages.chain.postpone(Step.SHOW, arrival.acquired, self.attempt, publish)
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
@@ -181,19 +181,19 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._stages.remove(self)
 
     def _receive(self, result: Result) -> None:
+        self._waiting.append(([result], self.arrival))
         if self._step is None:
-            self.process([result], self._accept)
-            return
-        self._waiting.append([result])
-        if len(self._waiting) > self._most_waiting:
-            overtaken = self._waiting.popleft()
-            self._waiting[0][:0] = overtaken
+            self._process_next()
+        elif len(self._waiting) > self._most_waiting:
+            overtaken, _ = self._waiting.popleft()
+            self._waiting[0][0][:0] = overtaken  # the next result has overtaken these
         else:
             self._stages.chain.postpone(self._step, self.arrival.acquired, self._process_next)
 
     def _process_next(self) -> None:
         if self._waiting:
-            self.process(self._waiting.popleft(), self._accept)
+            results, arrival = self._waiting.popleft()
+            self.process(results, lambda result: self._accept(result, arrival))
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)

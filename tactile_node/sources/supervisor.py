@@ -69,14 +69,14 @@ class Supervisor:
         self._wake = threading.Event()
         self._closing = threading.Event()
         self._turn = threading.RLock()
-        self.monitor = BusMonitor([node_id for pad in pads for node_id in pad.node_ids], self._wake.set)
-        self._bus = SkinBus(settings, pads, self._deliver, monitor=self.monitor,
+        self.bus_monitor = BusMonitor([node_id for pad in pads for node_id in pad.node_ids], self._wake.set)
+        self._bus = SkinBus(settings, pads, self._deliver_trusted, monitor=self.bus_monitor,
                             on_failure=self._bus_failed if recover else None, chain=chain)
         timeouts = self._timeouts(heartbeat_timeout)
-        self._by_pad = {pad.name: [SupervisedNode(self._bus, NodeMonitor(node, self.monitor, *timeouts), recover)
+        self._by_pad = {pad.name: [SupervisedNode(self._bus, NodeMonitor(node, self.bus_monitor, *timeouts), recover)
                                    for node in pad.nodes] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
-        self._watch = BusWatch(settings, pads, self.monitor, self._bus.traffic.put, data_timeout=timeouts[1])
+        self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.traffic.put, data_timeout=timeouts[1])
         self._outages: Outages[Failure] = Outages()  # outages of the bus
         self._retries = Retries()  # attempts to reopen the bus
         self._throttle = LogThrottle()
@@ -161,7 +161,7 @@ class Supervisor:
             node.monitor.set_timeouts(*timeouts)
 
     def facts(self) -> BusFacts:
-        counted, now, monitor, watch = self._bus.facts(), time.monotonic(), self.monitor, self._watch
+        counted, now, monitor, watch = self._bus.facts(), time.monotonic(), self.bus_monitor, self._watch
         outages, sync = self._outages.until(now), watch.sync.state
         return replace(
             counted, failure=self.failure, active=self._is_active,
@@ -235,7 +235,7 @@ class Supervisor:
     def _attend_to_bus(self) -> None:
         now, failure = time.monotonic(), self._bus.failure
         if failure is None:
-            if self.monitor.can_frames > self._received_then:
+            if self.bus_monitor.can_frames > self._received_then:
                 ended = self._outages.end(now)
                 logger.info('The CAN bus works again after %.2f s.', ended.seconds - self._outages.seconds)
                 self._outages = ended
@@ -255,7 +255,7 @@ class Supervisor:
         self._silent_since = self._silent_since or time.monotonic()
         try:
             self._bus.open()
-            self._received_then = self.monitor.can_frames
+            self._received_then = self.bus_monitor.can_frames
             if self._is_active:
                 self._bus.resume(int((time.monotonic() - self._silent_since) / self._settings.sync_period))
                 self._silent_since = None
@@ -266,7 +266,7 @@ class Supervisor:
         for node in self._nodes:
             node.monitor.expect(time.monotonic())
 
-    def _deliver(self, name: str, frame: TaxelFrame) -> None:
+    def _deliver_trusted(self, name: str, frame: TaxelFrame) -> None:
         acquired = time.monotonic() - self.age(frame.stamp)
         for node in self._by_pad[name]:
             frame = node.monitor.only_trusted(frame, acquired)
