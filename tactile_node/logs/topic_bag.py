@@ -85,7 +85,8 @@ class TopicBagReader:
         self.topics = topics_of(path)
         self.damages: list[Damage] = []
         self._decoder = BagDecoder(path)
-        require_topic(path, self.topics, TAXELS, 'Record the topic <pad>/taxels of the driver.')
+        require_topic(path, self.topics, TAXELS, 'Record the topic <pad>/taxels of the driver. docs/recordings.md '
+                      'shows how to make a bag of topics from a recording of CAN frames.')
 
     @property
     def pads(self) -> tuple[str, ...]:
