@@ -35,9 +35,9 @@ NAN = float('nan')
 
 @cache
 def store(**other):
-    """Return the types including our messages, where ``other`` replaces the text of some definitions."""
+    """Return the types including our messages. ``other`` adds or replaces the text of definitions."""
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    for name in ('TaxelArray', 'ContactMotion', 'ContactShape'):
+    for name in dict.fromkeys(('TaxelArray', 'ContactMotion', 'ContactShape', *other)):
         text = other.get(name) or package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
         types.register(typesys.get_types_from_msg(text, f'tactile_skin/msg/{name}'))
     return types

@@ -2,9 +2,8 @@
 
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import can
 import numpy as np
 from tqdm import tqdm
 
@@ -13,7 +12,7 @@ from tactile_node.errors import LogError
 from tactile_node.interruption import interruption
 from tactile_node.logs.damage import damage_lines
 from tactile_node.taxel_frame import TaxelFrame
-from tactile_node.viewing.recordings import BagRecording
+from tactile_node.viewing.recordings import BagRecording, Sink
 
 
 class RecordedPad(NamedTuple):
@@ -33,7 +32,7 @@ class RecordedPad(NamedTuple):
                 f'{int((steps[steps > 0] - 1).sum())} acquisitions missing between them')
 
 
-class FrameList:
+class FrameList(Sink):
     """A sink for `BagRecording` that keeps the taxel frames in memory, and counts them on a progress bar."""
 
     def __init__(self, bar: tqdm):
@@ -49,12 +48,6 @@ class FrameList:
         found.frames.append(frame)
         self._bar.update()
         return True
-
-    def add_facts(self, stamp: float, facts: Any) -> None:
-        """Do nothing, because a file of taxel frames contains no facts about the bus."""
-
-    def add_message(self, message: can.Message) -> None:
-        """Do nothing, because a bag of topics contains no CAN frames."""
 
 
 def read_bag(recording: BagRecording) -> dict[str, RecordedPad]:

@@ -38,6 +38,7 @@ def _array(values, dtype: type) -> np.ndarray:
 
 TAXELS = f'{PACKAGE}/msg/TaxelArray'
 STATUS = f'{PACKAGE}/msg/SkinStatus'
+GRASP = f'{PACKAGE}/msg/Grasp'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 
 
