@@ -76,6 +76,10 @@ def _play_log(args: argparse.Namespace) -> int:
     print(summary(facts), file=_report_stream(args))
     for error in played.unused:
         print(error, file=sys.stderr)
+    if further := played.source.heard.further_pads():
+        node_ids = [node_id for pad in pads for node_id in pad.node_ids]
+        print(f'{args.log}: node {", ".join(map(str, further))} also sends all TPDOs of this layout. If it is a '
+              f'pad, give --node-id {",".join(map(str, node_ids + further))}.', file=sys.stderr)
     if not played.has_ended or played.unused or played.source.heard.strangers():
         return 1
     return UNREAD_EXIT if facts.unread_log_lines else 0
