@@ -265,6 +265,13 @@ def test_an_option_that_a_source_would_ignore_is_an_error(source, options, ignor
     assert f'got {ignored}. ' in capsys.readouterr().err
 
 
+def test_a_layout_that_does_not_fit_a_log_is_refused_before_the_log_is_shown(capsys):
+    words = ['view', LOG, '--layout', 'sim8x8_16bit.yaml', '--terminal']
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert 'object 0x1018' in printed.err and not printed.out
+
+
 def test_the_eds_of_a_log_is_read(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(view, '_serve', lambda *_: None)
     (tmp_path / 'can.log').write_text('(1.000000) can0 1A0#0000000000000000\n')

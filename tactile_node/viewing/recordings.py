@@ -25,6 +25,7 @@ from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.viewing.states import GraspFacts
 
+CHECKED_TIME = 5.0  #: length of the beginning of a log that is checked before the log is shown [s]
 FACTS_PERIOD = 0.5  #: period, in log time, at which the bus state is read [s]
 
 
@@ -169,12 +170,14 @@ class LogRecording:
         self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
         self.source = LogSource(path, pads, self._add, pace=None, channel=channel, any_device=True,
                                 on_message=self._add_message, window=window)
+        self._beginning = LogSource(path, pads, lambda pad, frame: None, pace=None, channel=channel, eds=eds,
+                                    any_device=any_device,
+                                    window=window._replace(duration=min(window.duration, CHECKED_TIME)))
         self._looked = 0.0  # stamp at which the bus state was last read [s]
 
     def check(self) -> None:
-        """Raise LogError if the log cannot be read at all."""
-        self.source.open()
-        self.source.close()
+        """Raise LogError if the log cannot be read, or if its first seconds contradict the layout or the EDS."""
+        self._beginning.play(threading.Event())
 
     def read(self, sink: Sink, stop_requested: threading.Event) -> None:
         """Read the whole log as fast as possible into ``sink``, or until ``stop_requested`` is set.
