@@ -149,6 +149,14 @@ def test_replay_of_two_pads_writes_two_files(tmp_path):
     np.testing.assert_array_equal(left, right[:, :, ::-1])
 
 
+def test_node_ids_and_names_that_do_not_match_are_named_together(capsys):
+    """Without --pads, two node-IDs are two pads."""
+    log = str(DATA / 'sim16x16_two_pads.log.gz')
+    assert main(['replay', log, '--node-id', '32,64', '--pads', 'left']) == 2
+    printed = capsys.readouterr().err
+    assert '--node-id, --pads: ' in printed and 'got node-IDs 32, 64 and the pads left.' in printed
+
+
 @pytest.mark.parametrize(('node_ids', 'further'), [
     ('32', 'node 64 also sends all TPDOs of this layout. If it is a pad, give --node-id 32,64.'),
     ('64', 'give --node-id 64,32.'), ('32,64', '')])

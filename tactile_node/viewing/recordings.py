@@ -177,6 +177,8 @@ class LogRecording:
 
     def check(self) -> None:
         """Raise LogError if the log cannot be read, or if its first seconds contradict the layout or the EDS."""
+        self.source.open()
+        self.source.close()
         self._beginning.play(threading.Event())
 
     def read(self, sink: Sink, stop_requested: threading.Event) -> None:
