@@ -90,16 +90,15 @@ class BagRecording:
     def read(self, sink: Sink, stop_requested: threading.Event) -> None:
         """Read the whole bag as fast as possible into ``sink``, or until ``stop_requested`` is set."""
         grasps = [topic for topic, kind in self._reader.topics.items() if kind == GRASP]
-        types = (TAXELS, STATUS, GRASP) if len(grasps) == 1 else (TAXELS, STATUS)  # several grasps need several pages
+        types = (TAXELS, STATUS, GRASP) if len(grasps) == 1 else (TAXELS, STATUS)  # a view shows only one gripper
         for message in self._reader.messages(types, window=self.window):
             if stop_requested.is_set():
                 return
-            if message.type == GRASP:
-                content = message.content
-                sink.add_grasp(message.stamp, _grasp_facts(content), seconds(content.header.stamp))
-                continue
             if message.type == STATUS:
                 sink.add_facts(message.stamp, message.content)
+            elif message.type == GRASP:
+                grasp = message.content
+                sink.add_grasp(message.stamp, _grasp_facts(grasp), seconds(grasp.header.stamp))
             elif pad_of(message.topic) in self.pads:
                 taxels = message.content
                 self._others += not sink.add(pad_of(message.topic), frame_of(taxels), float(taxels.pitch), taxels.unit)
