@@ -3,15 +3,21 @@
     pip install lerobot==0.4.4 '.[bag]'     # in an environment of its own, because LeRobot requires exact versions
     python examples/lerobot_dataset.py BAG FOLDER [--fps 30] [--window 4] [--task TEXT]
 
-The bag needs <pad>/taxels, and may contain grasp and <pad>/events. The data set has one episode. In each of its frames,
-a pad has a window of the latest acquisitions, one for each SYNC period, the newest last:
+The bag needs <pad>/taxels, and may contain <pad>/shape, <pad>/events and grasp. The data set has no column for a topic
+that was not recorded. The data set has one episode. In each of its frames, a pad has a window of the latest
+acquisitions, one for each SYNC period, the newest last:
 
 - observation.PAD.taxels: values [unit of the skin], FILL where no valid value exists
-- observation.PAD.valid: True where a value is valid. For a lost acquisition, the whole mask is False. The value of a
-  saturated taxel is valid, but a lower bound.
-- observation.PAD.stamp: acquisition stamps [ns], NO_STAMP for a lost acquisition
-- observation.PAD.events: number of events since the previous frame of the data set, by code of ContactEvent
+- observation.PAD.valid: True where a value is valid. The value of a saturated taxel is valid, but a lower bound. The
+  whole mask is False for a lost acquisition, and for an acquisition in which no taxel has a valid value.
+- observation.PAD.stamp: acquisition stamps [ns], or NO_STAMP for an acquisition that is lost, late by more than half a
+  period, or earlier than the recording
+- observation.PAD.shape: code of the latest shape
+- observation.PAD.events: number of events since the previous frame of the data set, by kind
 - observation.grasp, observation.grasp_valid, observation.grasp_codes: latest grasp (NUMBERS, CODES)
+
+In meta/info.json, each column with codes has an entry `codes` with the names of the codes, in the order of their
+numbers. A shape or a grasp that is older than MOST_AGE is not used. All its codes are then 0.
 
 A policy has to read the mask. FILL lies far outside the range of any skin, so a policy that ignores the mask fails
 visibly. The statistics of the data set use valid values only. For a value that was never valid, they are FILL with a
@@ -20,23 +26,40 @@ standard deviation of 1.
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.util import find_spec
+from itertools import count, takewhile
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_node.errors import TactileError
-from tactile_node.pose.events import EventKind
+from tactile_node.code_names import name_of
+from tactile_node.errors import ConfigurationError, InputError, TactileError
 
 FILL = -1e6            #: value under the mask
 NO_STAMP = -1          #: stamp of a lost acquisition
 SECOND = 10**9         #: [ns]
-GRASP_AGE = SECOND // 10  #: time after which the latest grasp is no longer used [ns]
-KINDS = tuple(kind.name.lower() for kind in EventKind)  #: names of the events, in the order of their codes
+MOST_AGE = SECOND // 10  #: time after which the latest shape or grasp is no longer used [ns]
 NUMBERS = ('width', 'offset', 'misalignment', 'centre_x', 'centre_y', 'yaw', 'grip_force')  #: fields of Grasp [SI]
 CODES = ('contact', 'shape', 'fresh', 'stable')  #: fields of Grasp; 0 if there is no current grasp
+TOPICS = {'TaxelArray': 'taxels', 'ContactShape': 'shape', 'ContactEvent': 'events', 'Grasp': 'grasp'}
 QUANTILES = {'q01': 0.01, 'q10': 0.1, 'q50': 0.5, 'q90': 0.9, 'q99': 0.99}  #: as LeRobot names them
+
+
+def codes_of(message: str, field: str) -> list[str]:
+    """Return the names of a field's codes 0, 1, ... from the message definition.
+
+    >>> codes_of('Grasp', 'contact')
+    ['not_known', 'unseen', 'no_contact', 'one_sided', 'two_sided']
+    """
+    found = (name_of(f'msg/{message}', field, code) for code in count())
+    return [name.lower() for name in takewhile(str.isidentifier, found)]
+
+
+KINDS = codes_of('ContactEvent', 'kind')
 
 
 class Acquisitions(NamedTuple):
@@ -102,8 +125,25 @@ class Recording(NamedTuple):
     """The contents of a bag that enter the data set. All times are on the clock of the taxel stamps [ns]."""
 
     pads: Mapping[str, Acquisitions]
-    grasps: list[tuple[int, Any]]            #: time and message of each grasp
-    events: list[tuple[int, str, int]]       #: time, pad and kind of each event
+    #: time and message of each shape, event and grasp, in order of time, by topic. A topic that was not recorded is
+    #: omitted.
+    messages: Mapping[str, Sequence[tuple[int, Any]]]
+
+    @property
+    def missing(self) -> list[str]:
+        """Topics that were not recorded."""
+        wanted = [topic_of(pad, name) for pad in self.pads for name in ('shape', 'events')] + ['grasp']
+        return [topic for topic in wanted if topic not in self.messages]
+
+    def latest(self, topic: str, at: int) -> Any:
+        """Return the latest message of a topic at the time ``at`` [ns], or None if it is too old."""
+        messages = self.messages[topic]
+        number = bisect_right(messages, at, key=itemgetter(0)) - 1
+        return messages[number][1] if number >= 0 and at - messages[number][0] <= MOST_AGE else None
+
+
+def topic_of(pad: str, name: str) -> str:
+    return 'grasp' if name == 'grasp' else f'{pad}/{name}'
 
 
 def read(bag: Path) -> Recording:
@@ -112,49 +152,53 @@ def read(bag: Path) -> Recording:
     from tactile_node.logs.topic_bag import TopicBagReader, pad_of
 
     reader = TopicBagReader(bag)
-    frames: dict[str, list[Any]] = {pad: [] for pad in reader.pads}
-    grasps, events = [], []
-    for message in reader.messages([f'tactile_skin/msg/{name}' for name in ('TaxelArray', 'Grasp', 'ContactEvent')]):
-        content, time, pad = message.content, round(message.stamp * SECOND), pad_of(message.topic)
-        match message.type.rpartition('/')[2]:
-            case 'TaxelArray':
-                frames[pad].append(content)
-            case 'Grasp':
-                grasps.append((time, content))
-            case 'ContactEvent':
-                events.append((time, pad, int(content.kind)))
+    types = {f'tactile_skin/msg/{kind}': name for kind, name in TOPICS.items()}
+    kinds = [kind for kind in reader.topics.values() if types.get(kind) == 'grasp']
+    if len(kinds) > 1:
+        raise LogError(str(bag), expected='the grasps of one gripper', got=f'{len(kinds)} topics with grasps',
+                       remedy='Record each gripper in a bag of its own.')
+    found: dict[str, list[tuple[int, Any]]] = {
+        topic_of(pad_of(topic), types[kind]): [] for topic, kind in reader.topics.items() if kind in types}
+    for message in reader.messages(types):
+        topic = topic_of(pad_of(message.topic), types[message.type])
+        found[topic].append((round(message.stamp * SECOND), message.content))
     for each in reader.damages:
         print(f'lerobot_dataset: missing in the bag: {each}', file=sys.stderr)
     pads = {}
-    for pad, found in frames.items():
-        sequences = np.array([each.sequence for each in found], np.int64)
-        if len(found) < 2 or (np.diff(sequences) <= 0).any():
+    for pad in reader.pads:
+        arrays = [content for _, content in found.pop(topic_of(pad, 'taxels'))]
+        sequences = np.array([each.sequence for each in arrays], np.int64)
+        if len(arrays) < 2 or (np.diff(sequences) <= 0).any():
             raise LogError(f'{bag}, pad {pad}', expected='rising sequence numbers of at least two acquisitions',
-                           got=f'{len(found)} acquisitions, '
+                           got=f'{len(arrays)} acquisitions, '
                            f'{np.count_nonzero(np.diff(sequences) <= 0)} of them out of order',
                            remedy='Record one run of the driver in one bag.')
         pads[pad] = Acquisitions(
-            sequences, np.array([each.header.stamp.sec * SECOND + each.header.stamp.nanosec for each in found]),
-            np.array([np.reshape(each.values, (each.rows, each.cols)) for each in found], np.float32))
-    return Recording(pads, grasps, events)
+            sequences, np.array([each.header.stamp.sec * SECOND + each.header.stamp.nanosec for each in arrays]),
+            np.array([np.reshape(each.values, (each.rows, each.cols)) for each in arrays], np.float32))
+    return Recording(pads, {topic: sorted(messages, key=itemgetter(0)) for topic, messages in found.items()})
 
 
 def frames_of(recording: Recording, fps: int, length: int) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of each frame of the data set."""
     begin = max(int(pad.stamps[0]) for pad in recording.pads.values())
     end = min(int(pad.stamps[-1]) for pad in recording.pads.values())
-    times = np.array([time for time, _ in recording.grasps])
     for number in range((end - begin) * fps // SECOND + 1):
         at, before = (begin + each * SECOND // fps for each in (number, number - 1))
-        columns = {}
+        columns: dict[str, np.ndarray] = {}
         for pad, acquisitions in recording.pads.items():
             columns |= {f'{column_of(pad)}.{name}': value
                         for name, value in window(acquisitions, at, length)._asdict().items()}
-            kinds = [kind for time, where, kind in recording.events if where == pad and before < time <= at]
-            columns[f'{column_of(pad)}.events'] = np.bincount(kinds, minlength=len(KINDS)).astype(np.int64)
-        latest = int(np.searchsorted(times, at, side='right')) - 1
-        is_current = latest >= 0 and at - times[latest] <= GRASP_AGE
-        yield columns | grasp_columns(recording.grasps[latest][1] if is_current else None)
+            if (topic := f'{pad}/shape') in recording.messages:
+                shape = recording.latest(topic, at)
+                columns[f'{column_of(pad)}.shape'] = np.array([0 if shape is None else shape.shape], np.int64)
+            if (topic := f'{pad}/events') in recording.messages:
+                kinds = [event.kind for time, event in recording.messages[topic] if before < time <= at]
+                columns[f'{column_of(pad)}.events'] = np.bincount(
+                    np.array(kinds, np.int64), minlength=len(KINDS)).astype(np.int64)
+        if 'grasp' in recording.messages:
+            columns |= grasp_columns(recording.latest('grasp', at))
+        yield columns
 
 
 def column_of(pad: str) -> str:
@@ -176,10 +220,18 @@ def grasp_columns(grasp: Any) -> dict[str, np.ndarray]:
 def features_of(columns: Mapping[str, np.ndarray]) -> dict[str, dict[str, Any]]:
     """Return LeRobot's description of the columns."""
     names = {'taxels': ['acquisition', 'row', 'column'], 'valid': ['acquisition', 'row', 'column'],
-             'stamp': ['acquisition'], 'events': list(KINDS), 'grasp': list(NUMBERS), 'grasp_valid': list(NUMBERS),
-             'grasp_codes': list(CODES)}
-    return {name: {'dtype': str(value.dtype), 'shape': value.shape, 'names': names[name.rpartition('.')[2]]}
-            for name, value in columns.items()}
+             'stamp': ['acquisition'], 'shape': ['shape'], 'events': KINDS, 'grasp': list(NUMBERS),
+             'grasp_valid': list(NUMBERS), 'grasp_codes': list(CODES)}
+    shapes = codes_of('ContactShape', 'shape')
+    switch = ['false', 'true']
+    codes = {'shape': {'shape': shapes}, 'grasp_codes': {
+        'contact': codes_of('Grasp', 'contact'), 'shape': shapes, 'fresh': switch, 'stable': switch}}
+    described = {}
+    for name, value in columns.items():
+        last = name.rpartition('.')[2]
+        described[name] = {'dtype': str(value.dtype), 'shape': value.shape, 'names': names[last]} | (
+            {'codes': codes[last]} if last in codes else {})
+    return described
 
 
 def valid_in(data: Mapping[str, np.ndarray], name: str) -> np.ndarray | None:
@@ -217,6 +269,17 @@ def compare(frames: list[dict[str, np.ndarray]], folder: Path) -> int:
                for number, frame in enumerate(frames) for name, value in frame.items())
 
 
+def missing_slots(frames: Sequence[Mapping[str, np.ndarray]]) -> tuple[int, int]:
+    """Return how many places in all windows have no acquisition, and how many have one without any valid value."""
+    absent = empty = 0
+    for frame in frames:
+        for name in (name for name in frame if name.endswith('.stamp')):
+            has_stamp = frame[name] != NO_STAMP
+            has_value = frame[f'{name.removesuffix("stamp")}valid'].any(axis=(1, 2))
+            absent, empty = absent + int((~has_stamp).sum()), empty + int((has_stamp & ~has_value).sum())
+    return absent, empty
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('bag', type=Path)
@@ -226,15 +289,25 @@ def main() -> int:
     parser.add_argument('--task', default='hold the object', help='task of the episode (default: %(default)s)')
     args = parser.parse_args()
     try:
-        frames = list(frames_of(read(args.bag), args.fps, args.window))
+        if find_spec('lerobot') is None:
+            raise ConfigurationError('Python environment', expected='LeRobot', got=f'no lerobot in {sys.prefix}',
+                                     remedy='Install it in an environment of its own, as docs/recordings.md shows, and '
+                                     'run this example with the python of that environment.')
+        if args.folder.exists():
+            raise InputError(f'output {str(args.folder)!r}', expected='a folder that does not exist',
+                             got='an existing one', remedy='Give another path, or remove the folder.')
+        recording = read(args.bag)
     except TactileError as error:
         print(f'lerobot_dataset: {error}', file=sys.stderr)
         return 2
+    if recording.missing:
+        print(f'Not recorded, so not in the data set: {", ".join(recording.missing)}')
+    frames = list(frames_of(recording, args.fps, args.window))
     write(frames, args.folder, args.fps, args.task)
     different = compare(frames, args.folder)
-    lost = sum(int((frame[name] == NO_STAMP).sum()) for frame in frames for name in frame if name.endswith('.stamp'))
-    print(f'{len(frames)} frames of {len(frames[0])} columns; lost acquisitions in the windows: {lost}; '
-          f'values that differ after loading: {different}')
+    absent, empty = missing_slots(frames)
+    print(f'{len(frames)} frames of {len(frames[0])} columns; places in the windows without an acquisition: {absent}, '
+          f'with an acquisition that has no valid value: {empty}; values that differ after loading: {different}')
     return 1 if different else 0
 
 

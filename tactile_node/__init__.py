@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from tactile_node.pose.fit import ShapeFit
     from tactile_node.pose.pipeline import StreamedContact
     from tactile_node.shape.fusion import FusedRecognition, FusionSettings
-    from tactile_node.shape.recognition import Recognition, Shape
+    from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
 
     __version__: str
 
 __all__ = ['__version__', 'find_contact', 'paper_features', 'Recogniser', 'fit_shape', 'contact_box', 'ContactStream',
-           'plot_frame', 'PressThresholds', 'Group', 'Shape', 'ContactPattern', 'ContactBox', 'Features', 'Recognition',
-           'ShapeFit', 'FusedRecognition', 'FusionSettings', 'StreamedContact', 'TactileError', 'InputError',
-           'ConfigurationError']
+           'plot_frame', 'PressThresholds', 'Group', 'Shape', 'UnknownReason', 'ContactPattern', 'ContactBox',
+           'Features', 'Recognition', 'ShapeFit', 'FusedRecognition', 'FusionSettings', 'StreamedContact',
+           'TactileError', 'InputError', 'ConfigurationError']
 
 #: Public names by module. A module is imported when one of its names is first used, so that nodes start quickly.
 _HOMES = {
@@ -58,7 +58,7 @@ _HOMES = {
     'pose.box': ('ContactBox',),
     'pose.fit': ('ShapeFit',),
     'pose.pipeline': ('StreamedContact',),
-    'shape.recognition': ('Recognition', 'Shape'),
+    'shape.recognition': ('Recognition', 'Shape', 'UnknownReason'),
 }
 
 

@@ -185,6 +185,18 @@ def test_contacts_of_too_few_taxels_are_counted_and_not_adapted_to(base):
     assert found.before.counts().no_name == LEAST_TOUCHES and found.after is None
 
 
+def test_a_file_without_a_touch_is_named(tmp_path, capsys):
+    np.save(tmp_path / 'empty.npy', np.zeros((3, 16, 16)))
+    at_edge = np.zeros((3, 16, 16))
+    at_edge[:, :5, :5] = 50e3
+    np.savez(tmp_path / 'edge.npz', values=at_edge, unit='Pa')
+    files = [str(tmp_path / name) for name in ('empty.npy', 'edge.npz')]
+    assert main(['assess', '--name', 'square', '--from', *files]) == 2
+    printed = capsys.readouterr()
+    assert f'square: {files[0]}: 0 touches, because no frame has a contact\n' in printed.err
+    assert f'square: {files[1]}: 0 touches' in printed.err
+
+
 def test_every_contact_counts_but_those_cut_by_the_edge():
     """`tactile teach` skips touches that show no shape, but an assessment counts the answers to these touches."""
     speck = np.pad(np.full((2, 2), 5e4), ((6, 8), (6, 8)))

@@ -149,6 +149,23 @@ def test_replay_of_two_pads_writes_two_files(tmp_path):
     np.testing.assert_array_equal(left, right[:, :, ::-1])
 
 
+def test_node_ids_and_names_that_do_not_match_are_named_together(capsys):
+    """Without --pads, two node-IDs are two pads."""
+    log = str(DATA / 'sim16x16_two_pads.log.gz')
+    assert main(['replay', log, '--node-id', '32,64', '--pads', 'left']) == 2
+    printed = capsys.readouterr().err
+    assert '--node-id, --pads: ' in printed and 'got node-IDs 32, 64 and the pads left.' in printed
+
+
+@pytest.mark.parametrize(('node_ids', 'further'), [
+    ('32', 'node 64 also sends all TPDOs of this layout. If it is a pad, give --node-id 32,64.'),
+    ('64', 'give --node-id 64,32.'), ('32,64', '')])
+def test_replay_names_a_pad_that_it_ignores(capsys, node_ids, further):
+    assert run(replay, DATA / 'sim16x16_two_pads.log.gz', '--node-id', node_ids, '--duration', '3') == 0
+    printed = capsys.readouterr().err
+    assert further in printed and ('also sends' in printed) == bool(further)
+
+
 def test_replay_calls_the_pads_as_it_is_told(tmp_path):
     log = DATA / 'sim16x16_two_pads.log.gz'
     assert run(replay, log, '--node-id', '32,64', '--pads', 'left,robot/right', '--output', tmp_path / 'x.npz') == 0

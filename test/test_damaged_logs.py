@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from test_logs import tiny_log
 
+from tactile_node.cli.main import main
 from tactile_node.errors import LogError
 from tactile_node.logs.bag_log import McapCanWriter
 from tactile_node.logs.damage import DamageKind
@@ -321,3 +322,10 @@ def test_a_blf_that_was_not_ended_is_read_up_to_its_end(tmp_path):
     reader = CanLogReader(blf_log(tmp_path, change))
     found = counted(reader)
     assert found == list(range(len(found))) and len(found) > 4000 and reader.unread == 1
+
+
+def test_an_empty_mcap_is_called_empty(tmp_path, capsys):
+    (tmp_path / 'x.mcap').write_bytes(b'')
+    for command in (['replay'], ['view', '--terminal']):
+        assert main([*command, str(tmp_path / 'x.mcap')]) == 2
+        assert '(the file is empty)). Record it again' in capsys.readouterr().err

@@ -28,8 +28,9 @@ def test_demo_leaves_bag_log_table_and_picture(tmp_path, capsys):
         counts = {connection.topic: connection.msgcount for connection in bag.connections}
     assert set(counts) == {'/grasp'} | {
         f'/{pad}/{topic}' for pad in ('left', 'right')
-        for topic in ('taxels', 'contact', 'features', 'shape', 'image', 'image_colour', 'markers', 'wrench')}
-    assert min(counts.values()) > 50
+        for topic in ('taxels', 'contact', 'features', 'shape', 'events', 'image', 'image_colour', 'markers', 'wrench')}
+    assert min(count for topic, count in counts.items() if not topic.endswith('events')) > 50
+    assert min(counts['/left/events'], counts['/right/events']) > 0
     with (tmp_path / 'touches.csv').open(encoding='utf-8') as file:
         touches = list(csv.DictReader(file))
     given = Counter(2 * ['circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle'])

@@ -31,8 +31,8 @@ def test_examples_in_the_readme_are_true():
     assert result.attempted and not result.failed
 
 
-def test_at_most_22_names_each_of_them_documented():
-    assert len(tn.__all__) == len(set(tn.__all__)) <= 22
+def test_at_most_23_names_each_of_them_documented():
+    assert len(tn.__all__) == len(set(tn.__all__)) <= 23
     for name in tn.__all__:
         assert name in dir(tn)
         assert name == '__version__' or getattr(tn, name).__doc__
@@ -60,6 +60,8 @@ WRONG = {
     'on/off values as pascal': lambda: tn.find_contact((SQUARE > 0).astype(int)),
     'a picture of bytes as on/off': lambda: tn.find_contact((SQUARE > 0) * 255, unit='1'),
     'an unknown unit': lambda: tn.find_contact(SQUARE, unit='psi'),
+    'a list of units': lambda: tn.find_contact(SQUARE, unit=np.array(['Pa', 'N'])),
+    'a list of pitches': lambda: tn.ContactStream(pitch=np.array([0.004, 0.004])),
     'thresholds of another type': lambda: tn.find_contact(SQUARE, thresholds=(3, 2)),
     'thresholds that are no numbers': lambda: tn.PressThresholds('a', 'b'),
     'a frame for a contact': lambda: tn.fit_shape(SQUARE, tn.Shape.SQUARE),
@@ -88,6 +90,17 @@ def test_a_wrong_argument_is_refused_with_expected_got_and_remedy(wrong):
     with pytest.raises(tn.TactileError) as refused:
         WRONG[wrong]()
     assert refused.value.expected and refused.value.got and refused.value.remedy.endswith('.')
+
+
+def test_the_members_of_an_npz_are_accepted_as_they_are(tmp_path):
+    """np.load returns single values as arrays without dimensions."""
+    np.savez(tmp_path / 'x.npz', values=[SQUARE], stamps=[0.5], unit='Pa', pitch=0.004)
+    file = np.load(tmp_path / 'x.npz')
+    stream = tn.ContactStream(unit=file['unit'], pitch=file['pitch'])
+    assert stream.update(file['values'][0], np.array(0.5)).fused.recognition.shape == tn.Shape.SQUARE
+    contact = tn.find_contact(file['values'][0], file['unit'])
+    assert tn.fit_shape(contact, tn.Shape.SQUARE, file['pitch']).dimensions == pytest.approx([0.028], rel=0.05)
+    assert tn.contact_box(contact, file['pitch']).lengths == pytest.approx([0.028, 0.028], rel=0.05)
 
 
 @pytest.mark.parametrize('thresholds', [None, tn.PressThresholds.of_full_scale(1.0)])

@@ -8,7 +8,9 @@ from inspect import signature
 import numpy as np
 import pytest
 
-from tactile_node.errors import LogError
+from tactile_node.cli.frame_file import read_frames
+from tactile_node.cli.main import main
+from tactile_node.errors import InputError, LogError
 from tactile_node.logs.bag_log import CAN_TYPE
 from tactile_node.logs.damage import DamageKind
 from tactile_node.logs.topic_bag import (
@@ -20,6 +22,7 @@ from tactile_node.logs.topic_bag import (
     holds_taxels,
 )
 from tactile_node.package_files import package_file
+from tactile_node.sources.log_source import UNREAD_EXIT
 from tactile_node.taxel_frame import TaxelStatus
 
 rosbags = pytest.importorskip('rosbags.rosbag2')
@@ -32,9 +35,9 @@ NAN = float('nan')
 
 @cache
 def store(**other):
-    """Return the types including our messages, where ``other`` replaces the text of some definitions."""
+    """Return the types including our messages. ``other`` adds or replaces the text of definitions."""
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    for name in ('TaxelArray', 'ContactMotion', 'ContactShape'):
+    for name in dict.fromkeys(('TaxelArray', 'ContactMotion', 'ContactShape', *other)):
         text = other.get(name) or package_file(f'msg/{name}.msg').read_text(encoding='utf-8')
         types.register(typesys.get_types_from_msg(text, f'tactile_skin/msg/{name}'))
     return types
@@ -250,3 +253,47 @@ def test_other_messages_are_given_in_order_of_recording(tmp_path):
     found = list(TopicBagReader(folder).messages((TAXELS, DIAGNOSTICS)))
     assert [message.topic for message in found] == ['/left/taxels', '/diagnostics', '/left/taxels']
     assert found[1].content.status[0].values[0].value == '<b>0.4</b>' and found[1].recorded == EPOCH + 101
+
+
+PADS = ('/left/taxels', TAXELS), ('/arm/right/taxels', TAXELS)
+
+
+def test_replay_converts_a_bag_of_topics_to_arrays(tmp_path, capsys):
+    messages = [('/left/taxels', taxel_array(store(), sequence)) for sequence in (1, 2, 5)]
+    messages.append(('/arm/right/taxels', taxel_array(store(), 7, missing_can_frames=0)))
+    folder = bag(tmp_path / 'bag', messages, topics=PADS)
+    assert main(['replay', str(folder), '--output', str(tmp_path / 'x.npz')]) == 0
+    assert capsys.readouterr().out == (
+        'arm/right: 1 taxel frames, 1 complete, 0 incomplete; 0 acquisitions missing between them\n'
+        'left: 3 taxel frames, 0 complete, 3 incomplete; 2 acquisitions missing between them\n')
+    found = read_frames(str(tmp_path / 'x_left.npz'))
+    np.testing.assert_array_equal(found.values, 3 * [[[1, 2, NAN], [4, 5, 6]]])
+    assert found.status.tolist() == 3 * [[[1, 1, 2], [1, 1, 5]]]
+    assert found.stamps.tolist() == [EPOCH + 1.25, EPOCH + 2.25, EPOCH + 5.25] and found.sequence.tolist() == [1, 2, 5]
+    assert (found.pad, found.unit, found.pitch) == ('left', 'Pa', pytest.approx(0.004))
+    assert read_frames(str(tmp_path / 'x_arm_right.npz')).sequence.tolist() == [7]
+
+
+def test_replay_of_a_bag_reports_a_frame_of_another_size_by_its_exit_code(tmp_path, capsys):
+    other = taxel_array(store(), 2, rows=3, cols=2)
+    folder = bag(tmp_path / 'bag', [*arrays(1), ('/left/taxels', other)])
+    assert main(['replay', str(folder), '--output', str(tmp_path / 'x.npz')]) == UNREAD_EXIT
+    assert read_frames(str(tmp_path / 'x.npz')).values.shape == (1, 2, 3)
+    assert '1 parts were not read' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('options', 'got'), [
+    (['--node-id', '32', '--any-device'], 'got --node-id, --any-device'),
+    (['--pads', 'lfet'], 'got lfet'), ([], 'none of arm/right')])
+def test_replay_of_a_bag_refuses_ignored_options_and_missing_pads(tmp_path, capsys, options, got):
+    folder = bag(tmp_path / 'bag', arrays(1), topics=PADS)
+    assert main(['replay', str(folder), *options, '--output', str(tmp_path / 'x.npz')]) == 2
+    assert got in capsys.readouterr().err
+    assert not list(tmp_path.glob('*.npz'))
+
+
+def test_a_bag_in_place_of_a_file_of_frames_is_named(tmp_path):
+    (tmp_path / 'x.mcap').write_bytes(b'')
+    for path in (tmp_path, tmp_path / 'x.mcap'):
+        with pytest.raises(InputError, match='got a ROS 2 bag. Convert it with `tactile replay'):
+            read_frames(str(path))

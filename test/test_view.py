@@ -6,6 +6,7 @@ import re
 import time
 from dataclasses import dataclass, replace
 from threading import Event, Timer
+from types import SimpleNamespace
 from unittest.mock import MagicMock
 from xml.etree.ElementTree import fromstring
 
@@ -300,6 +301,13 @@ def test_a_grasp_is_current_while_it_is_fresh_and_new():
 def test_an_old_grasp_and_one_that_is_not_known_are_not_shown_as_current(age, changed):
     shown = grasp_of(age, **changed)
     assert 'NOT KNOWN' in shown and 'live' not in shown and 'two sided' not in shown and 'stable' not in shown
+
+
+@pytest.mark.parametrize('player, begin', [
+    (None, '>grasp: '), (SimpleNamespace(is_playing=True, position=1.0, length=2.0), '>recorded grasp: ')])
+def test_a_grasp_from_a_recording_is_marked(player, begin):
+    facts = LIVE._replace(player=player, grasp=HELD._replace(acquired=time.monotonic()))
+    assert begin in status_html(facts, [drawn(0.05)], 0, 1)
 
 
 @pytest.mark.parametrize('pads', [[0.1], [3.0]])

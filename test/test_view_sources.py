@@ -2,10 +2,11 @@
 
 import time
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
-from test_topic_bag import TAXELS, bag, store, taxel_array
+from test_topic_bag import EPOCH, TAXELS, bag, store, taxel_array
 from viewed import NAN
 from waiting import until
 
@@ -14,11 +15,13 @@ from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.cli import view
 from tactile_node.cli.main import main
 from tactile_node.errors import BusError, ConfigurationError
+from tactile_node.logs.topic_bag import GRASP
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.viewing.bus_source import BusSource
 from tactile_node.viewing.recording_source import RecordingSource
 from tactile_node.viewing.recordings import BagRecording, LogRecording
+from tactile_node.viewing.timeline import Timeline
 
 pytestmark = pytest.mark.bus
 LAYOUT = 'sim16x16.yaml'
@@ -128,6 +131,57 @@ def test_a_gap_in_a_bag_is_not_shown_as_if_the_pad_were_read(tmp_path):
     source.close()
 
 
+def bag_with_grasps(folder, topics=('/grasp',)):
+    """Return a bag with taxels of 9.25 and 12.25 s, and with two grasps of 10 and 11 s, recorded 0.25 s later.
+
+    The second grasp has a code that this version does not know.
+    """
+    types = store(Grasp='std_msgs/Header header\nuint8 contact\nbool fresh\nbool stable\n')
+    kinds = types.types
+
+    def grasp(time, *fields):
+        stamp = kinds['builtin_interfaces/msg/Time'](EPOCH + time, 0)
+        return kinds[GRASP](kinds['std_msgs/msg/Header'](stamp, ''), *fields)
+
+    messages = [('/left/taxels', taxel_array(types, 9)), (topics[0], grasp(10, 4, True, False)),
+                (topics[-1], grasp(11, 99, True, True)), ('/left/taxels', taxel_array(types, 12))]
+    return str(bag(folder, messages, types=types, times=lambda k: EPOCH + 9.25 + k,
+                   topics=(('/left/taxels', TAXELS), *((topic, GRASP) for topic in topics))))
+
+
+def test_a_bag_has_its_grasp_with_an_age_at_each_time(tmp_path):
+    timeline = Timeline()
+    BagRecording(bag_with_grasps(tmp_path / 'bag')).read(timeline, Event())
+    assert timeline.grasp(EPOCH + 10.125)[0] is None
+    first, age = timeline.grasp(EPOCH + 11.0)
+    assert (first.contact, first.is_fresh, first.is_stable, age) == ('two_sided', True, False, 1.0)
+    second, age = timeline.grasp(EPOCH + 11.5)
+    assert (second.contact, age) == ('not_known', 0.5)
+    timeline.close()
+
+
+def test_grasps_of_several_grippers_are_not_mixed(tmp_path):
+    timeline = Timeline()
+    BagRecording(bag_with_grasps(tmp_path / 'bag', ('/a/grasp', '/b/grasp'))).read(timeline, Event())
+    assert timeline.grasp(EPOCH + 12)[0] is None
+    timeline.close()
+
+
+def test_the_grasp_at_the_position_is_shown(tmp_path):
+    source = RecordingSource(BagRecording(bag_with_grasps(tmp_path / 'bag')))
+    source.play(False)
+    source.start()
+    until(lambda: source.is_complete)
+    source.seek(1.5)  # 10.75 s
+    source.show()
+    seen = source.store.shown().grasp
+    assert seen.contact == 'two_sided' and seen.acquired <= time.monotonic() - 0.75
+    source.seek(0.5)
+    source.show()
+    assert source.store.shown().grasp is None
+    source.close()
+
+
 def test_a_recording_that_is_not_readable_to_its_end_reports_this_and_ends(tmp_path):
     bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), 1))])
     recording = BagRecording(str(tmp_path / 'bag'))
@@ -209,6 +263,13 @@ def test_an_option_that_a_source_would_ignore_is_an_error(source, options, ignor
     bag(tmp_path / 'bag', [('/left/taxels', taxel_array(store(), 1))])
     assert main(['view', '--port', '0', *source, *options]) == 2
     assert f'got {ignored}. ' in capsys.readouterr().err
+
+
+def test_a_layout_that_does_not_fit_a_log_is_refused_before_the_log_is_shown(capsys):
+    words = ['view', LOG, '--layout', 'sim8x8_16bit.yaml', '--terminal']
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert 'object 0x1018' in printed.err and not printed.out
 
 
 def test_the_eds_of_a_log_is_read(tmp_path, monkeypatch, capsys):

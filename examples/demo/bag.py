@@ -73,7 +73,8 @@ _RELIABLE = Qos(history=QosHistory.KEEP_LAST, depth=50, reliability=QosReliabili
 def main(folder: str, *pads: str) -> None:
     rclpy.init()
     node = rclpy.create_node('demo_recorder')
-    recorder = BagRecorder(node, Path(folder), frame_topics(pads), frames_qos(DEPTH))
+    events = {f'/{pad}/events': 'tactile_skin/msg/ContactEvent' for pad in pads}
+    recorder = BagRecorder(node, Path(folder), frame_topics(pads) | events, frames_qos(DEPTH))
     with spinning([node]):
         print('recording', flush=True)
         sys.stdin.read()

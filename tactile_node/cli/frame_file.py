@@ -11,6 +11,7 @@ import numpy as np
 
 from tactile_node.cli.frame_png import DEFAULT_GREYS, Greys, read_png
 from tactile_node.errors import InputError
+from tactile_node.logs.bag_records import is_bag
 from tactile_node.taxel_frame import PRESS_BY_UNIT, TaxelFrame, TaxelStatus
 
 SEPARATORS = ',', ';', '\t'
@@ -137,6 +138,9 @@ def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
     InputError
         Raised if the file cannot be read or contains no taxel frames.
     """
+    if is_bag(path):
+        raise InputError(_name(path), expected='taxel frames in an .npy, .npz, .csv or .png file', got='a ROS 2 bag',
+                         remedy='Convert it with `tactile replay BAG --output frames.npz`.')
     content = _content(path)
     if not content:
         raise _unusable(path, 'nothing')

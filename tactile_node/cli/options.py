@@ -248,7 +248,15 @@ def pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[PadSe
     """
     from tactile_node.skin.pads import make_pads  # canopen would slow down shell completion
     layouts = [args.layout] if isinstance(args.layout, str) else args.layout or [DEFAULT_LAYOUT]
-    return make_pads(layouts, args.node_id or [DEFAULT_NODE_ID], names)
+    node_ids = args.node_id or [DEFAULT_NODE_ID]
+    try:
+        return make_pads(layouts, node_ids, names)
+    except ConfigurationError as error:
+        if not names or error.where != 'node-IDs':
+            raise
+        raise ConfigurationError(
+            '--node-id, --pads', expected=error.expected, got=f'node-IDs {", ".join(map(str, node_ids))} and the pads '
+            f'{", ".join(names)}', remedy='Give as many names as there are pads, or leave out --pads.') from None
 
 
 def live_pads_of(args: argparse.Namespace, names: Sequence[str] = ()) -> 'tuple[LivePad, ...]':

@@ -1,15 +1,21 @@
-"""`tactile replay` plays a CAN log without ROS, writes taxel frames to a file and accounts for every CAN frame.
+"""`tactile replay` reads a recording without ROS, and writes its taxel frames to a file.
+
+From a CAN log, the command assembles the taxel frames as the driver does, and accounts for every CAN frame. From a bag
+of topics, the command takes the taxel frames that the driver has published.
 """
 
 import argparse
 import io
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
 
 import numpy as np
 
+from tactile_node.bus.bus_settings import DEFAULT_LAYOUT
+from tactile_node.cli.bag_frames import RecordedPad, read_bag
 from tactile_node.cli.frame_file import write_archive
 from tactile_node.cli.options import (
     add_log_options,
@@ -22,16 +28,16 @@ from tactile_node.cli.options import (
 )
 from tactile_node.cli.played_log import play_log
 from tactile_node.errors import ConfigurationError
+from tactile_node.logs.topic_bag import holds_can_frames, holds_taxels
 from tactile_node.output_file import check_writable, output_file
-from tactile_node.skin.layout import SkinLayout
-from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import UNREAD_EXIT, summary
-from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.viewing.recordings import BagRecording
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('log', help='CAN log: .log (candump), .log.gz, .asc, .blf or .trc, or a ROS 2 bag of '
-                        'can_msgs/msg/Frame: .mcap, .db3 or its folder. For a rotated series, name its first file')
+                        'can_msgs/msg/Frame: .mcap, .db3 or its folder. For a rotated series, name its first file. '
+                        'Or a bag of the topics <pad>/taxels; the pads and their geometry are then those of the bag')
     add_log_options(parser)
     add_pads_option(parser)
     add_number(parser, '--pace', limits={'remedy': '1 is the recorded pace, 0 as fast as possible.'}, default=0.0,
@@ -46,41 +52,77 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the log to its end.
+    """Read the recording to its end.
 
     Returns
     -------
     int
-        1 if a pad has no usable TPDO in the log, other nodes send a pad's COB-IDs, or the user interrupted the replay.
-        Otherwise UNREAD_EXIT if part of the log could not be read, else 0.
+        For a log, 1 if a pad has no usable TPDO, other nodes send a pad's COB-IDs, or the user interrupted the replay.
+        Otherwise UNREAD_EXIT if part of the recording could not be read, else 0.
     """
+    return _convert_bag(args) if holds_taxels(args.log) and not holds_can_frames(args.log) else _play_log(args)
+
+
+def _play_log(args: argparse.Namespace) -> int:
     pads = pads_of(args, args.pads)
-    paths = _outputs(args.output, pads)
-    for path in filter(None, paths.values()):
-        check_writable(path, [args.log], force=args.force)
-    with ExitStack() as stack:  # the file is opened before the log is played, to report an unwritable file early
-        outputs = {name: stack.enter_context(output_file(path, [args.log]) if path else _standard_output())
-                   for name, path in paths.items()}
+    with _opened(args, [pad.name for pad in pads]) as outputs:
         played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel, any_device=args.any_device,
                           window=window_of(args), keep=bool(outputs))
-        for name, stream in outputs.items():
-            stream.write(_as_file(played.frames[name], name, pads[0].layout, is_archive=_is_archive(args.output)))
+        for pad in pads if outputs else ():
+            layout = pad.layout
+            found = RecordedPad((layout.rows, layout.cols), layout.pitch, layout.value.unit, played.frames[pad.name])
+            outputs[pad.name].write(_as_file(found, pad.name, is_archive=_is_archive(args.output)))
     facts = played.source.facts()
-    print(summary(facts), file=sys.stderr if args.output == '-' else sys.stdout)
+    print(summary(facts), file=_report_stream(args))
     for error in played.unused:
         print(error, file=sys.stderr)
+    if further := played.source.heard.further_pads():
+        node_ids = [node_id for pad in pads for node_id in pad.node_ids]
+        print(f'{args.log}: node {", ".join(map(str, further))} also sends all TPDOs of this layout. If it is a '
+              f'pad, give --node-id {",".join(map(str, node_ids + further))}.', file=sys.stderr)
     if not played.has_ended or played.unused or played.source.heard.strangers():
         return 1
     return UNREAD_EXIT if facts.unread_log_lines else 0
 
 
-def _as_file(frames: list[TaxelFrame], pad: str, layout: SkinLayout, *, is_archive: bool) -> bytes:
+def _convert_bag(args: argparse.Namespace) -> int:
+    ignored = {'--node-id': args.node_id, '--layout': args.layout != DEFAULT_LAYOUT, '--channel': args.channel,
+               '--any-device': args.any_device, '--pace': args.pace}
+    if given := [option for option, is_given in ignored.items() if is_given]:
+        raise ConfigurationError('tactile replay', got=', '.join(given), remedy='Leave them out.',
+                                 expected='for a bag of topics only --pads, --start, --duration, --output and --force')
+    recording = BagRecording(args.log, args.pads, window_of(args))
+    with _opened(args, recording.pads) as outputs:
+        pads = read_bag(recording)
+        for name, stream in outputs.items():
+            stream.write(_as_file(pads[name], name, is_archive=_is_archive(args.output)))
+    for name, found in pads.items():
+        print(f'{name}: {found.summary}', file=_report_stream(args))
+    return UNREAD_EXIT if recording.unread else 0
+
+
+@contextmanager
+def _opened(args: argparse.Namespace, names: Sequence[str]) -> Iterator[dict[str, BinaryIO]]:
+    """Open the output of each pad. Files are opened before the recording is read, to report unwritable files early."""
+    paths = _outputs(args.output, names)
+    for path in filter(None, paths.values()):
+        check_writable(path, [args.log], force=args.force)
+    with ExitStack() as stack:
+        yield {name: stack.enter_context(output_file(path, [args.log]) if path else _standard_output())
+               for name, path in paths.items()}
+
+
+def _report_stream(args: argparse.Namespace) -> TextIO:
+    return sys.stderr if args.output == '-' else sys.stdout
+
+
+def _as_file(found: RecordedPad, pad: str, *, is_archive: bool) -> bytes:
     """Return the content of the output file, built in memory because NumPy needs to seek and a pipe cannot seek."""
-    stream, shape = io.BytesIO(), (layout.rows, layout.cols)
+    stream = io.BytesIO()
     if is_archive:
-        write_archive(stream, frames, shape, pad=pad, pitch=layout.pitch, unit=layout.value.unit)
+        write_archive(stream, found.frames, found.shape, pad=pad, pitch=found.pitch, unit=found.unit)
     else:
-        np.save(stream, np.array([frame.values for frame in frames], np.float32).reshape(-1, *shape))
+        np.save(stream, np.array([frame.values for frame in found.frames], np.float32).reshape(-1, *found.shape))
     return stream.getvalue()
 
 
@@ -93,20 +135,20 @@ def _is_archive(output: str) -> bool:
     return suffix == '.npz'
 
 
-def _outputs(output: str | None, pads: tuple[PadSettings, ...]) -> dict[str, Path | None]:
+def _outputs(output: str | None, names: Sequence[str]) -> dict[str, Path | None]:
     """Return the output files by pad name, with None for standard output."""
     if output is None:
         return {}
     if output == '-':
-        if len(pads) > 1:
-            raise ConfigurationError('--output -', expected='one pad', got=f'{len(pads)} pads',
+        if len(names) > 1:
+            raise ConfigurationError('--output -', expected='one pad', got=f'{len(names)} pads',
                                      remedy='Name a file, because each pad gets its own file.')
-        return {pads[0].name: None}
+        return {names[0]: None}
     _is_archive(output)
     path = Path(output)
-    if len(pads) == 1:
-        return {pads[0].name: path}
-    return {pad.name: path.with_name(f'{path.stem}_{pad.name.replace("/", "_")}{path.suffix}') for pad in pads}
+    if len(names) == 1:
+        return {names[0]: path}
+    return {name: path.with_name(f'{path.stem}_{name.replace("/", "_")}{path.suffix}') for name in names}
 
 
 def _standard_output() -> BinaryIO:

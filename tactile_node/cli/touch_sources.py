@@ -60,8 +60,12 @@ def touches_of(name: str, args: argparse.Namespace, finder_type: type[TouchFinde
     """
     files = args.sources.get(name)
     if files:
-        touches = _join([_in_array(path, finder_type) if Path(path).suffix in ARRAY_SUFFIXES
-                         else _in_log(path, finder_type, args) for path in files])
+        found = [_in_array(path, finder_type) if Path(path).suffix in ARRAY_SUFFIXES
+                 else _in_log(path, finder_type, args) for path in files]
+        for path, each in zip(files, found):
+            if not each.touches:
+                _say(f'{name}: {path}: {each}{"" if each.unused else ", because no frame has a contact"}')
+        touches = _join(found)
     else:
         folder = Path(args.output).parent if args.output else Path()
         touches = live_touches(name, args.touches, args, str(folder / f'{name}_touches.log'), finder_type)

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +32,11 @@ def instance(value: object, kind: type[Kind], name: str, remedy: str) -> Kind:
     return value
 
 
+def plain(value: Any) -> Any:
+    """Return a NumPy scalar or an array without dimensions, such as `np.load` returns it, as a Python object."""
+    return value.item() if isinstance(value, np.ndarray | np.generic) and value.ndim == 0 else value
+
+
 def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | None, UnitScale]:
     """Return the thresholds to apply, and an object that checks whether values are plausible in their unit.
 
@@ -51,7 +56,8 @@ def scale_by(unit: str | None, thresholds: object) -> tuple[PressThresholds | No
     InputError
         Raised if ``thresholds`` has the wrong type.
     """
-    if thresholds is None and unit not in (None, '', *PRESS_BY_UNIT):
+    unit = plain(unit)
+    if thresholds is None and not (unit is None or isinstance(unit, str) and unit in ('', *PRESS_BY_UNIT)):
         raise ConfigurationError('unit of the taxel values', expected=f'one of {", ".join(PRESS_BY_UNIT)}',
                                  got=repr(unit), remedy='Convert the values, or pass thresholds in their unit.')
     if thresholds is None:
@@ -138,8 +144,9 @@ def known_shape(shape: object) -> ShapeClass:
 
 def seconds(stamp: object) -> float:
     """Return ``stamp`` as a float, or raise InputError if ``stamp`` is not a finite number."""
-    if isinstance(stamp, (int, float, np.integer, np.floating)) and math.isfinite(stamp):
-        return float(stamp)
+    number = plain(stamp)
+    if isinstance(number, int | float) and math.isfinite(number):
+        return float(number)
     raise InputError('stamp', expected='the time of the frame in seconds', got=repr(stamp),
                      remedy='Pass a finite number, for example time.time() at the acquisition.')
 
@@ -308,7 +315,7 @@ def fit_shape(contact: ContactPattern, shape: ShapeClass, pitch: float = 1.0,
     """
     shape = known_shape(shape)
     known = known_response(response)
-    return fit_contact(_contact(contact), shape, pitch, None if known is None else known.layer)
+    return fit_contact(_contact(contact), shape, plain(pitch), None if known is None else known.layer)
 
 
 def contact_box(contact: ContactPattern, pitch: float = 1.0) -> ContactBox:
@@ -339,7 +346,7 @@ def contact_box(contact: ContactPattern, pitch: float = 1.0) -> ContactBox:
     >>> [round(1000 * length) for length in box.lengths], box.length_is_bound
     ([36, 12], (False, False))
     """
-    return box.contact_box(_contact(contact), pitch)
+    return box.contact_box(_contact(contact), plain(pitch))
 
 
 def _contact(contact: object) -> ContactPattern:

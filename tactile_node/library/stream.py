@@ -7,7 +7,15 @@ from numpy.typing import ArrayLike
 from tactile_node.contact.press import PressThresholds
 from tactile_node.errors import InputError
 from tactile_node.learning.response import SkinResponse
-from tactile_node.library.contacts import Recogniser, checked_frame, instance, known_response, scale_by, seconds
+from tactile_node.library.contacts import (
+    Recogniser,
+    checked_frame,
+    instance,
+    known_response,
+    plain,
+    scale_by,
+    seconds,
+)
 from tactile_node.pose.moments import check_pitch
 from tactile_node.pose.pipeline import ContactPipeline, StreamedContact, Taxels
 from tactile_node.shape.fusion import FusionSettings
@@ -54,6 +62,7 @@ class ContactStream:
     def __init__(self, recogniser: Recogniser | None = None, *, pitch: float = 1.0, unit: str | None = '',
                  thresholds: PressThresholds | None = None, fusion: FusionSettings | None = None,
                  response: str | Path | SkinResponse | None = None):
+        pitch = plain(pitch)
         check_pitch(pitch)
         recogniser = Recogniser() if recogniser is None else recogniser
         fusion = FusionSettings() if fusion is None else fusion

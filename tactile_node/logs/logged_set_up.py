@@ -175,21 +175,43 @@ def _text(mapping: Sequence[int | None]) -> str:
 
 
 class HeardNodes:
-    """Records which nodes send heartbeats or boot-ups in a log, and finds other nodes that send the COB-IDs of a pad.
+    """Records which nodes are heard in a log, and finds nodes that the given node-IDs may have wrong or lack.
 
-    If a node-ID is wrong, a pad could be assembled from the TPDOs of two other pads.
+    If a node-ID is wrong, a pad could be assembled from the TPDOs of two other pads. If a node-ID is lacking, all
+    TPDOs of a pad are ignored.
     """
 
     def __init__(self, pads: Sequence[PadSettings]):
         self._neighbours = {pad.name: _neighbours(pad) for pad in pads}
         self._own = {pad.name: set(pad.node_ids) for pad in pads}
+        self._layouts = {pad.layout for pad in pads if pad.layout.nodes == 1}
+        self._own_cob_ids = {tpdo.cob_id.of(pad.node_ids[tpdo.node]) for pad in pads for tpdo in pad.layout.tpdos}
         self._heard: set[int] = set()
+        self._can_ids: set[int] = set()  # identifiers of all data frames
 
     def feed(self, message: can.Message) -> None:
         """Process the next CAN frame. Node guarding requests are ignored, because the master sends them."""
+        if non_data_kind(message) is not None:
+            return
+        self._can_ids.add(message.arbitration_id)
         node_id = objects.node_of(message.arbitration_id, objects.HEARTBEAT)
-        if node_id is not None and non_data_kind(message) is None and message.data:
+        if node_id is not None and message.data:
             self._heard.add(node_id)
+
+    def further_pads(self) -> list[int]:
+        """Return the nodes of no pad that send all TPDOs of a pad's layout.
+
+        Each COB-ID counts for one node only: for a node with heartbeats, or else for the lowest node-ID.
+        """
+        own, left, found = set().union(*self._own.values()), self._can_ids - self._own_cob_ids, []
+        for node_id in sorted(range(objects.MIN_NODE_ID, objects.MAX_NODE_ID + 1),
+                              key=lambda node_id: node_id not in self._heard):
+            for layout in self._layouts:
+                cob_ids = {tpdo.cob_id.of(node_id) for tpdo in layout.tpdos if tpdo.cob_id.relative}
+                if node_id not in own and cob_ids and cob_ids <= left:
+                    left -= cob_ids
+                    found.append(node_id)
+        return sorted(found)
 
     def strangers(self) -> dict[str, list[int]]:
         """Return the other nodes that were heard and send a pad's COB-IDs, by pad name.

@@ -134,6 +134,9 @@ class McapFile:
                 yield from self._read_chunk(chunk, since)
 
     def _walk(self, since: int) -> Iterator[Recorded | Damage]:
+        if not self._size:
+            yield Damage(DamageKind.CUT_SHORT, self._name, detail='the file is empty')
+            return
         at: int | None = len(MCAP_MAGIC)
         while at is not None:
             opcode, length = self._head(at) or (None, 0)

@@ -38,6 +38,7 @@ def _array(values, dtype: type) -> np.ndarray:
 
 TAXELS = f'{PACKAGE}/msg/TaxelArray'
 STATUS = f'{PACKAGE}/msg/SkinStatus'
+GRASP = f'{PACKAGE}/msg/Grasp'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 
 
@@ -85,7 +86,8 @@ class TopicBagReader:
         self.topics = topics_of(path)
         self.damages: list[Damage] = []
         self._decoder = BagDecoder(path)
-        require_topic(path, self.topics, TAXELS, 'Record the topic <pad>/taxels of the driver.')
+        require_topic(path, self.topics, TAXELS, 'Record the topic <pad>/taxels of the driver. docs/recordings.md '
+                      'shows how to make a bag of topics from a recording of CAN frames.')
 
     @property
     def pads(self) -> tuple[str, ...]:

@@ -95,6 +95,8 @@ class RecordingSource(ViewSource):
                 self._shown[pad] = found = self._timeline.moment(pad, index)
                 self.store.put(self._recognised(pad, found, before))
         self.store.put_bus(*self._timeline.facts(now))
+        grasp, age = self._timeline.grasp(now)
+        self.store.put_grasp(grasp and grasp._replace(acquired=time.monotonic() - age))
 
     def _recognised(self, pad: str, found: Moment, before: Moment | None) -> PadState:
         if pad not in self._recognisers:

@@ -7,35 +7,43 @@ import math
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from functools import cache
+from typing import Any
 
 import can
 
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.router import non_data_kind
+from tactile_node.code_names import name_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.logs.damage import Damage
 from tactile_node.logs.logged_set_up import Contradiction, LoggedSetUp
 from tactile_node.logs.replay_times import WHOLE, TimeWindow
-from tactile_node.logs.topic_bag import STATUS, TAXELS, TopicBagReader, frame_of, pad_of
+from tactile_node.logs.topic_bag import GRASP, STATUS, TAXELS, TopicBagReader, frame_of, pad_of, seconds
 from tactile_node.skin.pads import PadSettings, identities_of
 from tactile_node.sources.log_source import LogSource
 from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.viewing.states import GraspFacts
 
+CHECKED_TIME = 5.0  #: length of the beginning of a log that is checked before the log is shown [s]
 FACTS_PERIOD = 0.5  #: period, in log time, at which the bus state is read [s]
 
 
-class Sink(Protocol):
-    """Receives everything that a recording contains."""
+class Sink:
+    """Receives everything that a recording contains. A subclass ignores whatever it does not override."""
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
         """Add a frame, or return False without adding it if its geometry differs from the pad's first frame."""
+        raise NotImplementedError
 
     def add_facts(self, stamp: float, facts: Any) -> None:
         """Add facts about the bus, or a SkinStatus message, at ``stamp`` [s]."""
 
     def add_message(self, message: can.Message) -> None:
         """Add a CAN frame of a log."""
+
+    def add_grasp(self, stamp: float, grasp: GraspFacts, acquired: float) -> None:
+        """Add a grasp that was published at ``stamp`` [s], from data acquired at ``acquired`` [s]."""
 
 
 class BagRecording:
@@ -81,11 +89,16 @@ class BagRecording:
 
     def read(self, sink: Sink, stop_requested: threading.Event) -> None:
         """Read the whole bag as fast as possible into ``sink``, or until ``stop_requested`` is set."""
-        for message in self._reader.messages((TAXELS, STATUS), window=self.window):
+        grasps = [topic for topic, kind in self._reader.topics.items() if kind == GRASP]
+        types = (TAXELS, STATUS, GRASP) if len(grasps) == 1 else (TAXELS, STATUS)  # a view shows only one gripper
+        for message in self._reader.messages(types, window=self.window):
             if stop_requested.is_set():
                 return
             if message.type == STATUS:
                 sink.add_facts(message.stamp, message.content)
+            elif message.type == GRASP:
+                grasp = message.content
+                sink.add_grasp(message.stamp, _grasp_facts(grasp), seconds(grasp.header.stamp))
             elif pad_of(message.topic) in self.pads:
                 taxels = message.content
                 self._others += not sink.add(pad_of(message.topic), frame_of(taxels), float(taxels.pitch), taxels.unit)
@@ -156,12 +169,16 @@ class LogRecording:
         self._set_up = None if any_device else LoggedSetUp(pads, identities_of(pads, eds))
         self.source = LogSource(path, pads, self._add, pace=None, channel=channel, any_device=True,
                                 on_message=self._add_message, window=window)
+        self._beginning = LogSource(path, pads, lambda pad, frame: None, pace=None, channel=channel, eds=eds,
+                                    any_device=any_device,
+                                    window=window._replace(duration=min(window.duration, CHECKED_TIME)))
         self._looked = 0.0  # stamp at which the bus state was last read [s]
 
     def check(self) -> None:
-        """Raise LogError if the log cannot be read at all."""
+        """Raise LogError if the log cannot be read, or if its first seconds contradict the layout or the EDS."""
         self.source.open()
         self.source.close()
+        self._beginning.play(threading.Event())
 
     def read(self, sink: Sink, stop_requested: threading.Event) -> None:
         """Read the whole log as fast as possible into ``sink``, or until ``stop_requested`` is set.
@@ -223,6 +240,17 @@ class LogRecording:
         if not found and not any(pad.published for pad in self.source.facts().pads):
             found = ['no taxel frame of these pads in the log: check --node-id']
         return '; '.join(found)
+
+
+def _grasp_facts(message: Any) -> GraspFacts:
+    return GraspFacts(_contact_name(int(message.contact)), bool(message.fresh), bool(message.stable),
+                      acquired=-math.inf)
+
+
+@cache
+def _contact_name(code: int) -> str:
+    name = name_of('msg/Grasp', 'contact', code).lower()
+    return name if name.isidentifier() else 'not_known'  # a later version may have further codes
 
 
 def _shown(facts: BusFacts) -> BusFacts:

@@ -19,13 +19,13 @@ from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.viewing.model import PadReport, Report
 from tactile_node.viewing.node_record import BusRecord, NodeRecords
 from tactile_node.viewing.pad_record import PadRecord
-from tactile_node.viewing.recordings import BagRecording, LogRecording
+from tactile_node.viewing.recordings import BagRecording, LogRecording, Sink
 from tactile_node.viewing.reported_file import Kind, ReportedFile, sha256_of
 from tactile_node.viewing.status_record import StatusRecord
 from tactile_node.viewing.touch import TouchList
 
 
-class _Reporter:
+class _Reporter(Sink):
     """Collects the facts about a recording.
 
     Parameters
@@ -45,9 +45,6 @@ class _Reporter:
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
         """Add a taxel frame, or return False if its number of rows or columns differs from the pad's first frame."""
         return self._pads[pad].feed(frame)
-
-    def add_facts(self, stamp: float, facts: Any) -> None:
-        """Do nothing, because the facts about a log are complete only at its end."""
 
     def add_message(self, message: can.Message) -> None:
         """Add a CAN frame."""

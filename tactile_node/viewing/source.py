@@ -56,7 +56,8 @@ class Store:
         """Replace the facts about the bus, which are ``age`` [s] old."""
         self._change(bus=facts, bus_acquired=time.monotonic() - age)
 
-    def put_grasp(self, grasp: GraspFacts) -> None:
+    def put_grasp(self, grasp: GraspFacts | None) -> None:
+        """Replace the grasp, with None if a recording has no grasp at this time."""
         self._change(grasp=grasp)
 
     def put_problem(self, problem: str) -> None:

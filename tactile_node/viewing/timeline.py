@@ -1,4 +1,4 @@
-"""Frames and bus facts of a recording by time."""
+"""Frames, bus facts and grasps of a recording by time."""
 
 import tempfile
 import threading
@@ -6,11 +6,12 @@ from array import array
 from bisect import bisect_right
 from typing import NamedTuple
 
-import can
 import numpy as np
 
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.taxel_frame import TaxelFrame, read_only
+from tactile_node.viewing.recordings import Sink
+from tactile_node.viewing.states import GraspFacts
 
 
 class _Track:
@@ -50,13 +51,17 @@ class Moment(NamedTuple):
     unit: str
 
 
-class Timeline:
-    """Frames and bus facts by Unix time [s]. One thread may add data while another thread reads."""
+class Timeline(Sink):
+    """Frames, bus facts and grasps by Unix time [s]. One thread may add data while another thread reads."""
 
     def __init__(self) -> None:
         self._tracks: dict[str, _Track] = {}
         self._fact_times: list[float] = []
         self._facts: list[BusFacts] = []
+        self._grasp_times = array('d')     # as places of a track
+        self._grasp_acquired = array('d')  # time at which the data of each grasp were acquired
+        self._grasps: list[GraspFacts] = []
+        self._distinct_grasps: dict[GraspFacts, GraspFacts] = {}  # keeps one object of equal grasps, to save memory
         self.begin, self.end = np.inf, -np.inf  #: stamps of the first and the last frame
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
@@ -76,8 +81,11 @@ class Timeline:
         self._facts.append(facts)
         self._fact_times.append(max(stamp, self._fact_times[-1]) if self._fact_times else stamp)
 
-    def add_message(self, message: can.Message) -> None:
-        """Do nothing, because no view shows single CAN frames."""
+    def add_grasp(self, stamp: float, grasp: GraspFacts, acquired: float) -> None:
+        """Add a grasp that was published at ``stamp``, from data acquired at ``acquired``."""
+        self._grasps.append(self._distinct_grasps.setdefault(grasp, grasp))
+        self._grasp_acquired.append(acquired)
+        self._grasp_times.append(max(stamp, self._grasp_times[-1]) if self._grasp_times else stamp)
 
     def index(self, pad: str, time: float) -> int:
         """Return the index of the newest frame of ``pad`` at ``time``, or -1 if there is none."""
@@ -94,6 +102,11 @@ class Timeline:
         """Return the newest facts at ``time`` and their age [s]. For the last frame, facts recorded later count too."""
         index = len(self._facts) - 1 if time >= self.end else bisect_right(self._fact_times, time) - 1
         return (self._facts[index], max(time - self._fact_times[index], 0.0)) if index >= 0 else (None, 0.0)
+
+    def grasp(self, time: float) -> tuple[GraspFacts | None, float]:
+        """Return the newest grasp at ``time``, or None if there is none yet, and the age of its data [s]."""
+        index = bisect_right(self._grasp_times, time) - 1
+        return (self._grasps[index], time - self._grasp_acquired[index]) if index >= 0 else (None, np.nan)
 
     def close(self) -> None:
         for track in self._tracks.values():
