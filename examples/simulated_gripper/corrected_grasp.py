@@ -18,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 
 from examples.grasp_loop import GraspLoop, Order
 from examples.planner_client import Correction, Planner, asked_for
-from examples.simulated_gripper.first_grasp import LISTENING, FirstGrasp
+from examples.simulated_gripper.first_grasp import UNSEEN, FirstGrasp
 from examples.simulated_gripper.hand_interface import HAND, TABLE, TARGET
 from tactile_node.grasp.gripper import FrameTree, Transform
 from tactile_node.ros.grasp_checks import check_grasp
@@ -35,11 +35,9 @@ GOAL_TIMEOUT = 30.0    #: time allowed for a goal of the gripper [s]
 MOVE_TIMEOUT = 10.0    #: time allowed for a move of the hand [s]
 ARRIVED = 0.0005       #: distance from the target at which the hand has arrived [m]
 TURNED = 0.005         #: angle from the target at which the hand has arrived [rad]
-STABLE_TIMEOUT = 5.0   #: time allowed after the lift until the grasp is stable [s]
 TRIES = 4              #: largest number of attempts to close, each of which begins with an open gripper
 SEEN_TIMEOUT = 20.0    #: time allowed until both pads are seen again [s]
-#: outcomes after which the gripper opens and closes again, because the data of the pads were missing or late
-UNSEEN = GripperOutcome.NOT_SEEN, GripperOutcome.FORCE_NOT_KNOWN, GripperOutcome.LOST, GripperOutcome.ONE_SIDED
+AGAIN = *UNSEEN, GripperOutcome.ONE_SIDED  #: outcomes after which the gripper opens and closes again
 
 
 def corrected(hand: Transform, left: np.ndarray, midpoint: np.ndarray, correction: Correction) -> Transform:
@@ -94,7 +92,7 @@ class CorrectedGrasp(FirstGrasp):
         """Close until the pads read a force [N], and return the outcome. After missing data, open and try again."""
         outcome = self.command(0.0, force)
         for _ in range(TRIES - 1):
-            if outcome.outcome not in UNSEEN:
+            if outcome.outcome not in AGAIN:
                 break
             print(f'close again: {outcome.message}', flush=True)
             self.command(OPENED, 0.0)
@@ -173,15 +171,14 @@ def main() -> int:
 def _run(planner: CorrectedGrasp) -> int:
     if not planner.finds_programs('corrected_grasp'):
         return 2
-    planner.spin(LISTENING)
     problem = grasped(planner)
     if problem:
         print(f'corrected_grasp: the item is not held: {problem}', file=sys.stderr)
         return 1
     planner.move(Transform(np.eye(3), np.array((0.0, 0.0, LIFT))) @ planner.hand_pose)
-    is_held, grasp = planner.spin(STABLE_TIMEOUT, planner.is_held), planner.grasp
+    (is_held, text), grasp = planner.held_text(), planner.grasp
     x, y = (1e3 * (place - goal) for place, goal in zip(grasp.centre, AIM))
-    print(f'{"held" if is_held else "not reported as held"}: {grasp.class_name}, {x:.1f}, {y:.1f} mm off the aim')
+    print(f'{text}: {grasp.class_name}, {x:.1f}, {y:.1f} mm off the aim')
     return 0 if is_held else 1
 
 

@@ -8,6 +8,8 @@ from tactile_node.gripper.rules.closing import Outcome
 from tactile_node.ros.message_health import MessageCounts, several_text, status_of
 from tactile_skin.msg import Grasp
 
+NO_DATA = 1.0  #: age above which a pad is silent rather than late [s]
+
 #: outcomes after which the user should check the gripper or its wiring
 FAILURES = (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT, Outcome.NOT_STOPPED, Outcome.NOT_OPENING)
 
@@ -73,10 +75,13 @@ def unseen_text(topic: str, counts: MessageCounts, publishers: list[str], grasp:
         return several_text(topic, publishers)
     if grasp is None:
         return f'every grasp on {topic} was dropped: see /diagnostics'
-    if not age <= max_age:
-        return (f'the grasp is {age:.3f} s old, but max_age is {max_age:g} s: reduce the load of the machine, or raise '
-                'max_age' if age < math.inf else
-                'the age of the grasp is not known')
+    if not age < math.inf:
+        return 'the age of the grasp is not known'
+    if age > max(max_age, NO_DATA):
+        return f'the grasp is {age:.1f} s old, because a pad sends no data: see /diagnostics of the driver'
+    if age > max_age:
+        return (f'the grasp is {age:.3f} s old, but max_age is {max_age:g} s: reduce the load of the machine, give the '
+                'driver a longer sync_period, or raise max_age')
     states = {Grasp.SIDE_UNSEEN: 'is unseen', Grasp.SIDE_NOT_KNOWN: 'has no result yet'}
     texts = [f'the {side} pad {states[state]}' for side, state in zip(('left', 'right'), grasp.side_states)
              if state in states]
