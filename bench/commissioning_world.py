@@ -527,8 +527,14 @@ class CommissioningDesk:
         self._frame_at = self._joint_at = self._time
         acts = {Act.PRESS: self._press, Act.STROKE: self._stroke, Act.BLOCK: self._insert, Act.FOAM: self._insert,
                 Act.OBJECT: self._insert, Act.JIG: self._insert_jig, Act.CLEAR: self._clear, Act.WEIGHT: self._hang,
-                Act.CONSENT: self._consent, Act.DIRECTION: self._direction, Act.REPEAT: self._repeat}
+                Act.LEAVE: self._leave, Act.CONSENT: self._consent, Act.DIRECTION: self._direction,
+                Act.REPEAT: self._repeat}
         return acts[question.act](question) if question.act in acts else question.choices[0]
+
+    def _leave(self, question: Question) -> str:
+        if self._makes(Mistake.HAND_BETWEEN):
+            self._fingers = [Finger(0, 0.0, 0.0, 3.0, self._time + 1.0, self._time + 3.0)]
+        return 'done'
 
     def _press(self, question: Question) -> str:
         pad = ('left', 'right').index(question.pad)
@@ -619,4 +625,7 @@ class CommissioningDesk:
         if self._is_other_joint:
             return 'opened'
         change = self.truth.gap(self._motion.reading) - self._consented_gap
-        return 'not moved' if abs(change) < 2e-4 else 'opened' if change > 0 else 'closed'
+        self._consented_gap += change
+        if abs(change) < 2e-4:
+            return 'not moved'
+        return 'opened' if (change > 0) != self._makes(Mistake.WRONG_DIRECTION) else 'closed'

@@ -40,7 +40,7 @@ from tactile_node.commissioning.pad_mounting import (
     find_mounting,
     taxel_places,
 )
-from tactile_node.commissioning.pad_rest import measure_rest
+from tactile_node.commissioning.pad_rest import measure_rest, was_touched
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
 from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
 from tactile_node.commissioning.recording import PadFrames, Recording
@@ -233,8 +233,9 @@ def test_the_first_movement_is_small_and_the_effort_rises(finished):
     desk, plan, _ = finished
     first = list(itertools.takewhile(lambda command: command[2] < plan.travel / 10, desk.commands))
     efforts = [effort for _, effort, _ in first]
-    assert len(first) > 1
-    assert np.ptp([position for position, _, _ in first]) == 0
+    assert len(first) > 2
+    assert len({position for position, _, _ in first}) == 2  # there and back
+    assert np.ptp([position for position, _, _ in first]) <= 1.01 * FIRST_SHARE * plan.travel
     start = desk.truth.low + (0.3 if desk.truth.closes_rising else 0.7) * desk.truth.span
     assert abs(first[0][0] - start) <= 1.01 * FIRST_SHARE * plan.travel
     assert efforts == sorted(efforts)
@@ -318,7 +319,8 @@ PARTS = {
     Mistake.TWO_FINGERS: 'pads', Mistake.OTHER_BLOCK: 'block 25 mm', Mistake.BLOCK_ASKEW: 'block 25 mm',
     Mistake.BLOCK_SLID: 'block 25 mm', Mistake.BLOCK_MISSING: 'block 25 mm', Mistake.HAND_BETWEEN: 'stops',
     Mistake.SWITCHED_OFF: 'stops', Mistake.EMERGENCY_STOP: 'stops', Mistake.OTHER_CLIENT: 'stops',
-    Mistake.OTHER_JOINT: 'stops', Mistake.WEIGHT_MISSING: 'weight', Mistake.PULLED_OUT: 'proof'}
+    Mistake.OTHER_JOINT: 'stops', Mistake.WRONG_DIRECTION: 'first movement', Mistake.WEIGHT_MISSING: 'weight',
+    Mistake.PULLED_OUT: 'proof'}
 
 
 #: Mistakes whose part takes many seconds to compute.
@@ -342,6 +344,28 @@ def test_a_mistake_is_explained_and_only_its_part_is_repeated(finished, tmp_path
     assert acts.count(Act.CONFIRM_STOP) == 1
     if PARTS[mistake] != 'pads':
         assert not {Act.PRESS, Act.STROKE, Act.FOAM, Act.LEAVE} & set(acts)
+
+
+@pytest.mark.slow
+def test_a_touch_during_the_rest_is_noticed_and_the_rest_is_repeated(finished, tmp_path):
+    desk, plan = desk_of([Mistake.HAND_BETWEEN])
+    record = without(finished[2], tmp_path, 'rest')
+    procedure = CommissioningProcedure(desk, desk, plan, record)
+    procedure.run()
+    assert [(error.where, error.mistake) for _, error in procedure.refused] == [('rest', Mistake.HAND_BETWEEN)]
+    assert all(abs(pad['drift'][0]) < 1e-4 for pad in record['rest']['pads'])
+
+
+@pytest.mark.parametrize(('press', 'steady', 'found'), [(0.0, 0.002, False), (0.1, 0.002, True), (0.1, 0.05, False)])
+def test_a_touch_changes_several_taxels_at_once_and_drift_does_not(press, steady, found):
+    """A pad of 8 x 8 taxels drifts by 0.2 N in 60 s. In the third case, the noise hides the touch."""
+    rng, count = np.random.default_rng(50), 1200
+    times = np.arange(count) / 20
+    forces = rng.normal(0, steady, (count, 8, 8)) + 0.2 * times[:, np.newaxis, np.newaxis] / 60
+    forces[400:440, 2:4, 2:4] += press
+    forces[:, 7, 7] = np.nan
+    forces[600, 5, 5] = 1.0  # a single taxel is no touch
+    assert was_touched(PadFrames(times, np.arange(count), forces)) is found
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ class Mistake(Enum):
     COMMAND_REJECTED = 'command rejected'
     OTHER_CLIENT = 'another node commands the gripper'
     OTHER_JOINT = 'joint states of another joint'
+    WRONG_DIRECTION = 'contradictory directions'
     PULLED_OUT = 'object pulled out'
     WEIGHT_MISSING = 'weight not hung'
     PADS_SILENT = 'no frames from a pad'

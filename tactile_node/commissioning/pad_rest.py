@@ -9,6 +9,10 @@ from tactile_node.commissioning.recording import PadFrames
 
 BLOCKS = 10         #: Number of parts of the recording from whose means the drift is computed.
 LEAST_FRAMES = 100  #: Smallest number of frames with values.
+TOUCH_TIME = 1.0    #: Time within which a touch changes the taxels, and drift does not [s].
+TOUCH_STEP = 0.02   #: Smallest change of a taxel in a touch [N].
+TOUCH_NOISES = 10   #: The same, in standard deviations of the noise.
+TOUCHED_TAXELS = 3  #: Smallest number of taxels that a touch changes at the same time.
 
 
 class PadRest(NamedTuple):
@@ -37,6 +41,17 @@ def measure_rest(frames: PadFrames) -> PadRest | None:
     drift = _drift(frames.times[is_known], np.nanmean(forces[is_known][:, each > 0], axis=1)) \
         if alive.size else NOT_MEASURED
     return PadRest(noise, drift, frames.rate, 1 - np.count_nonzero(is_known) / sent, zero)
+
+
+def was_touched(frames: PadFrames) -> bool:
+    """Return True if several taxels have changed at once by more than noise and drift explain."""
+    gap = max(round(TOUCH_TIME * frames.rate), 1)
+    forces = frames.forces[:, np.isfinite(frames.mean)]
+    forces = forces[np.isfinite(forces).all(1)]  # complete frames
+    # median of the differences of two frames, which a short touch does not change: 0.95 standard deviations
+    noise = np.median(np.abs(np.diff(forces, axis=0)), axis=0) / 0.95
+    is_changed = np.abs(forces[gap:] - forces[:-gap]) > np.maximum(TOUCH_STEP, TOUCH_NOISES * noise)
+    return bool((np.count_nonzero(is_changed, axis=1) >= TOUCHED_TAXELS).any())
 
 
 def _drift(times: np.ndarray, means: np.ndarray) -> Estimate:

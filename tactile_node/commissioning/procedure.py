@@ -45,7 +45,7 @@ from tactile_node.commissioning.pad_mounting import (
     find_press,
     taxel_places,
 )
-from tactile_node.commissioning.pad_rest import measure_rest
+from tactile_node.commissioning.pad_rest import measure_rest, was_touched
 from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
 from tactile_node.commissioning.recording import JointStates, Recording
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
@@ -219,7 +219,7 @@ class CommissioningProcedure:
 
     def _rest(self) -> dict[str, Any]:
         self._ask(Act.LEAVE, f'Do not touch the pads for {self._plan.rest_time:g} s.')
-        recording = self._attempt(self._record_pads, self._plan.rest_time, 'rest')
+        recording = self._attempt(self._record_rest)
         age = self._gripper.age_of_frames(AGE_TIME)
         found = [measure_rest(pad) for pad in recording.pads]
         if None in found:
@@ -228,6 +228,14 @@ class CommissioningProcedure:
         self._gripper.zero = np.array([each.zero for each in found if each])
         return {'pads': [each._asdict() for each in found if each], 'age': age,
                 'serial_numbers': self._serial_numbers()}
+
+    def _record_rest(self) -> Recording:
+        recording = self._record_pads(self._plan.rest_time, 'rest')
+        for name, pad in zip(self._plan.pads, recording.pads):
+            if was_touched(pad):
+                raise RefusedStepError('rest', Mistake.HAND_BETWEEN, expected='untouched pads', got=f'a touch on the '
+                                       f'pad {name!r}', remedy='Leave the pads alone until the step has ended.')
+        return recording
 
     def _pads(self) -> dict[str, Any]:
         (left, first), (right, second) = self._attempt(self._press_both)
@@ -288,23 +296,42 @@ class CommissioningProcedure:
     def _first_movement(self) -> dict[str, Any]:
         self._clear('first movement')
         noise = self._gripper.measure_noise('first movement')
-        effort, is_rising = self._attempt(self._smallest_effort)
-        answer = self._ask(Act.DIRECTION, 'How have the fingers moved?', ('opened', 'closed', 'not moved'))
-        return {'noise': noise, 'effort': effort, 'opens_rising': (answer == 'opened') == is_rising}
+        effort, opens_rising = self._attempt(self._move_and_return)
+        return {'noise': noise, 'effort': effort, 'opens_rising': opens_rising}
 
-    def _smallest_effort(self) -> tuple[float, bool]:
-        """Return the smallest effort that moves the gripper, and True if the reading of the joint has risen."""
+    def _move_and_return(self) -> tuple[float, bool]:
+        """Return the smallest effort that moves the gripper both ways, and True if the reading rises as it opens.
+
+        All later movements depend on the direction. The person therefore names it twice, and a slip of the hand shows.
+        """
         start, way = self._gripper.reading, FIRST_SHARE * self._plan.travel
         is_rising = start < (self._plan.low + self._plan.high) / 2
-        effort = FIRST_EFFORT * self._plan.most_effort
-        first = Move(start + way if is_rising else start - way, effort, self._plan.travel / FREE_TIME / 10)
-        self._gripper.consent('first movement, with rising effort', first, TOUCHED, 1)
+        away = Move(start + way if is_rising else start - way, FIRST_EFFORT * self._plan.most_effort,
+                    self._plan.travel / FREE_TIME / 10)
+        self._gripper.consent('first movement and the way back, with rising effort', away, TOUCHED, 2)
+        effort = self._smallest_effort(away)
+        answer = self._ask(Act.DIRECTION, 'How have the fingers moved?', ('opened', 'closed', 'not moved'))
+        effort = self._smallest_effort(away._replace(position=start, effort=effort))
+        back = self._ask(Act.DIRECTION, 'The gripper has moved back. How have the fingers moved this time?',
+                         ('opened', 'closed', 'not moved'))
+        if answer == back == 'not moved':
+            raise RefusedStepError('first movement', Mistake.OTHER_JOINT, expected='fingers that move with the joint',
+                                   got='a joint that moves alone', remedy='Give the name of the joint of the gripper.')
+        if {answer, back} != {'opened', 'closed'}:
+            raise RefusedStepError('first movement', Mistake.WRONG_DIRECTION, got=f'"{answer}", then "{back}"',
+                                   expected='"opened" and "closed", because the gripper has moved there and back',
+                                   remedy='Watch the fingers, and answer again.')
+        return effort, (answer == 'opened') == is_rising
+
+    def _smallest_effort(self, move: Move) -> float:
+        """Raise the effort until the gripper moves, and return the effort."""
+        start, effort = self._gripper.reading, move.effort
         while effort <= self._plan.most_effort:
-            self._gripper.command(first._replace(effort=effort))
+            self._gripper.command(move._replace(effort=effort))
             self._gripper.watch(1.0, 'first movement', may_touch=False)
-            if abs(self._gripper.reading - start) > way / 4:
+            if abs(self._gripper.reading - start) > abs(move.position - start) / 4:
                 self._gripper.watch(2.0, 'first movement', may_touch=False)
-                return effort, is_rising
+                return effort
             effort *= EFFORT_FACTOR
         raise self._gripper.stuck('first movement')
 

@@ -41,6 +41,7 @@ MOST_WAITING = 2000   #: Largest number of messages that wait for `RosGripper.ad
 CONNECT_TIME = LISTEN_TIME + 5.0  #: Time allowed for the first messages [s].
 LOOK_PERIOD = 0.05    #: Time between two checks while the gripper is awaited [s].
 ANSWER_TIME = 2.0     #: Time allowed for the answers to the last commands [s].
+END_TIME = 2.0        #: Longest wait for the end of the last goal [s].
 LIVE = GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus.STATUS_CANCELING
 
 
@@ -105,7 +106,8 @@ class RosGripper:
         self._other_joints: set[str] = set()
         self._own: set[bytes] = set()      # IDs of the goals that were sent
         self._last = b''                   # ID of the latest of these goals
-        self._live: frozenset[bytes] = frozenset()  # IDs of the live goals of all clients
+        self._live: frozenset[bytes] = frozenset()   # IDs of the live goals of all clients
+        self._ended: frozenset[bytes] = frozenset()  # IDs of the goals that have ended, as long as they are reported
         self._answers: list[Any] = []      # futures of the last commands
         self._refusal = ''
         self.tap: list[TaxelFrame] | None = None  #: list for the published frames of the first pad, or None
@@ -197,8 +199,11 @@ class RosGripper:
         A request to cancel all goals could overtake the next command, and would then cancel that command.
         """
         for goal_id in {*self._live, self._last} - {b''}:
-            handle = ClientGoalHandle(self._client, UUID(uuid=list(goal_id)), None)
-            self._expect(handle.cancel_goal_async())
+            self._cancel(goal_id)
+
+    def _cancel(self, goal_id: bytes) -> None:
+        handle = ClientGoalHandle(self._client, UUID(uuid=list(goal_id)), None)
+        self._expect(handle.cancel_goal_async())
 
     @property
     def first_frame(self) -> TaxelArray:
@@ -224,7 +229,20 @@ class RosGripper:
         return f'{others} live goals of another client on {self._action}' if others else ''
 
     def settle(self) -> bool:
-        """Wait until the gripper has answered the last commands. Return False if an answer is missing."""
+        """Wait until the last goal has ended and the gripper has answered. Return False if an answer is missing.
+
+        A goal at the present position stays live while foam or an object keeps the joint from it. The next program
+        would take this goal for that of another client, so the method cancels a goal that does not end.
+        """
+        self._wait_for_answers()
+        end = self._steady() + END_TIME
+        while self._last and self._last not in self._ended and self._steady() < end:
+            time.sleep(LOOK_PERIOD)
+        for goal_id in self._own & self._live:
+            self._cancel(goal_id)
+        return self._wait_for_answers()
+
+    def _wait_for_answers(self) -> bool:
         end = self._steady() + ANSWER_TIME
         while not all(each.done() for each in self._answers) and self._steady() < end:
             time.sleep(LOOK_PERIOD)
@@ -296,8 +314,9 @@ class RosGripper:
                     self._facts[number] = {pair.key: pair.value for pair in status.values}
 
     def _on_status(self, message: GoalStatusArray) -> None:
-        self._live = frozenset(bytes(each.goal_info.goal_id.uuid) for each in message.status_list
-                               if each.status in LIVE)
+        goals = {bytes(each.goal_info.goal_id.uuid): each.status in LIVE for each in message.status_list}
+        self._live = frozenset(goal_id for goal_id, is_live in goals.items() if is_live)
+        self._ended = frozenset(goals) - self._live
 
     def _on_answer(self, position: float, effort: float, speed: float, done: Any) -> None:
         if not done.result().accepted:
