@@ -239,14 +239,18 @@ class Session(Process):
         ros.callback(self.end)
 
     def answer(self, text, line=''):
-        """Wait until the process prints ``text``, and type a line."""
+        """Wait until the process prints ``text`` and its prompt, and type a line.
+
+        The process discards what is typed before the prompt.
+        """
         self.until([text])
+        self.until(['] '], self.text.index(text))
         self.text = ''
         self.type(line)
 
-    def until(self, texts):
+    def until(self, texts, start=0):
         end = time.monotonic() + LIMIT
-        while not any(text in self.text for text in texts):
+        while not any(text in self.text[start:] for text in texts):
             assert time.monotonic() < end, self.text
             time.sleep(0.02)
 
@@ -262,7 +266,7 @@ def first_movement(ros, folder, hand):
         session.answer('Take everything out')
         session.until(('Start?', 'got none for'))
         if 'Start?' in session.text:
-            session.type('y')
+            session.answer('Start?', 'y')
             until(lambda: hand.goals)
             return session
         session.end()
