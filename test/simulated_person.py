@@ -102,8 +102,9 @@ class SimulatedPerson:
             return 'yes'
         if 'stop in your reach' in text or 'shall they be used' in text:
             return 'yes'
-        if 'How have the fingers moved?' in text:
+        if 'How have the fingers moved' in text:
             change = self.gap() - self._before
+            self._before += change
             return 'not moved' if abs(change) < 1e-4 else 'opened' if change > 0 else 'closed'
         self._act(text)
         return ''
