@@ -14,6 +14,7 @@ from bench_commissioning import compared, plan_for
 from commissioning_world import GRID, CommissioningDesk, random_truth
 from launch_stand_in import processes_of, put_stand_ins
 
+from tactile_node.cli.commission import _check as check_of
 from tactile_node.cli.commission import _procedure as procedure_at
 from tactile_node.cli.commissioning_pictures import pictures_of
 from tactile_node.commissioning import procedure
@@ -43,7 +44,7 @@ from tactile_node.commissioning.pad_mounting import (
 from tactile_node.commissioning.pad_rest import measure_rest
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
 from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
-from tactile_node.commissioning.recording import PadFrames, Recording
+from tactile_node.commissioning.recording import JointStates, PadFrames, Recording
 from tactile_node.commissioning.report import found_lines, report_data, write_report
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
@@ -250,6 +251,8 @@ def test_each_series_is_consented_to_and_foam_comes_before_hard_blocks(finished)
     for question in desk.questions:
         if question.act is Act.CONSENT:
             assert all(word in question.text for word in (' movement', ' at ', 'effort of', ' N. Start?'))
+            assert f' {desk.truth.unit}' in question.text.split(':')[0]  # the target
+            assert 'upper limits' in question.text or 'with rising effort' not in question.text
 
 
 def with_jig(path, folder, mistakes=()):
@@ -465,6 +468,56 @@ def test_an_interruption_stops_the_gripper_and_keeps_the_finished_steps(finished
         CommissioningProcedure(desk, desk, plan, record).run()
     assert desk.cancels == 1
     assert 'stops' in CommissioningRecord(tmp_path / 'record.json')
+
+
+def test_an_interrupted_check_says_what_was_stopped_and_what_is_unfinished(finished, tmp_path):
+    desk, plan = desk_of()
+    first = without(finished[2], tmp_path, 'proof')
+    before, said = (tmp_path / 'record.json').read_bytes(), []
+    desk.say = said.append
+
+    def interrupt(question):
+        raise KeyboardInterrupt
+    desk.ask = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        check_of(desk, desk, plan, first, tmp_path)
+    assert 'cancelled its goals and commanded the present position' in said[-1]
+    assert 'Not finished: rest, pads, first movement, stops.' in said[-1] and 'record of the' in said[-1]
+    assert (tmp_path / 'record.json').read_bytes() == before
+
+
+class SilentJoint:
+    """A desk that sends no joint states from 0.2 s to 0.6 s after one command of the step `step`."""
+
+    def __init__(self, desk, commands):
+        self._desk, self._commands, self._since = desk, commands, math.inf
+
+    def __getattr__(self, name):
+        return getattr(self._desk, name)
+
+    def command(self, *move):
+        self._desk.command(*move)
+        if len(self._desk.commands) == self._commands:
+            self._since = self.now()
+
+    def advance(self, seconds):
+        recording = self._desk.advance(seconds)
+        is_silent = 0.2 < self.now() - self._since < 0.6
+        return recording._replace(joint=JointStates(np.zeros(0), np.zeros(0))) if is_silent else recording
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings('error::RuntimeWarning')
+def test_a_reading_of_the_step_waits_for_missing_joint_states(finished, tmp_path):
+    commands = []
+    for at in (math.inf, 30):
+        desk, plan = desk_of()
+        record = without(finished[2], tmp_path, 'step')
+        CommissioningProcedure(SilentJoint(desk, at), desk, plan, record).run()
+        commands.append(len(desk.commands))
+        step, expected = (each['step']['step'] for each in (record, CommissioningRecord(finished[2])))
+        assert abs(step[0] - expected[0]) < 3 * math.hypot(step[1], expected[1])
+    assert abs(commands[0] - commands[1]) < 5  # a reading that is NaN would use all commands
 
 
 # ---- files ----
