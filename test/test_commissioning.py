@@ -624,6 +624,37 @@ def test_the_lines_after_a_step_give_its_values_and_name_what_is_unknown(finishe
 
 
 @pytest.mark.slow
+def test_a_line_names_the_limit_the_remedy_and_only_what_is_missing(finished, tmp_path):
+    _, plan, path = finished
+    record = without(path, tmp_path, 'step')
+    record['rest']['pads'][1] |= {'lost': 0.2, 'drift': (1e-3, 1e-6)}
+    record['stops']['trials']['cancel'] = [(True, 0.1, 0.2, False)] * 6
+    record['foam']['kept'] |= {'cancel': (0.9, 0.01), 'goal': (0.16, 0.01)}
+    lines = found_lines(Evaluation(record, plan))
+    by_name = dict(line.split(': ', 1) for line in lines if not line.startswith('unknown'))
+    assert 'keeps 16 % of the force on foam, at least 70 % needed' in by_name['stop by goal']
+    assert ' degrees' in by_name['right pad, turn']
+    assert by_name['speed'].endswith(' mm/s') and ' ms (upper' in by_name['time from a command to the movement']
+    for name, value in (('lost frames', '0.2, FAIL (at most 0.05. Reduce the load'), ('drift in 300 s', '0.3 +- ')):
+        assert by_name[f'{plan.pads[1]}/taxels, {name}'].startswith(value)
+        assert 'record.json' in by_name[f'{plan.pads[1]}/taxels, {name}']
+        assert 'record.json' not in by_name[f'{plan.pads[0]}/taxels, {name}']
+    assert 'unknown: fit for closing by touch (not known: step)' in lines
+
+
+@pytest.mark.slow
+def test_the_notes_state_the_remaining_limit_and_the_time_of_a_close(finished):
+    desk, plan, path = finished
+    parameters = measured_parameters(Evaluation(CommissioningRecord(path), plan), plan)
+    effort, closing = parameters.notes
+    assert f'gripper_effort {parameters.nodes["touch_gripper"]["gripper_effort"]:.3g} is' in effort
+    widest = max(map(desk.truth.gap, (plan.low, plan.high)))
+    speed = parameters.nodes['touch_gripper']['fast_speed']
+    seconds = float(closing.split(' takes ')[1].split()[0])
+    assert abs(seconds * speed - (widest - 0.025)) < 0.001 + 0.5 * speed
+
+
+@pytest.mark.slow
 def test_blocks_that_contradict_each_other_are_the_reason_for_an_unknown_law(finished, tmp_path):
     _, plan, path = finished
     content = json.loads(path.read_text())

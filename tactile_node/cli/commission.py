@@ -2,13 +2,14 @@
 
     tactile commission --output hand --joint finger_joint --unit m --limits 0 0.04 --most-effort 40
     tactile commission --output hand            # continues after the last finished step
-    tactile commission --output hand --check    # two minutes, later: has anything changed?
+    tactile commission --output hand --check    # later, about 2.5 minutes: has anything changed?
 
 The command asks you for each action, and moves the gripper after your consent (docs/commissioning.md). It needs a
 running driver of both pads, the gripper's own action (ParallelGripperCommand) and joint states. Ctrl-C stops the
 gripper. After each step, the command prints the values that the step has found. The folder of --output gets the results
 of each step (record.json), the parameters (parameters.yaml) and the report (report.md, report.json). The exit code is 1
-if a step was refused, or if --check finds a change.
+if a step was refused, or if --check finds a change; 2 if an option, the driver or the gripper has to be corrected
+first, and after the recordings of --disc and --shapes; 130 after Ctrl-C.
 """
 
 import argparse
@@ -262,6 +263,8 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
     person.say(f'\nWritten to {folder}: {", ".join(written)}.'
                + (f' {len(parameters.absent)} parameters are missing; the report gives the reasons.'
                   if parameters.absent else ''))
+    for note in parameters.notes:
+        person.say(f'  {note}')
 
 
 @contextmanager
