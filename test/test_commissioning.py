@@ -678,6 +678,12 @@ def test_the_pictures_show_each_block_stop_close_and_pad(finished, tmp_path):
         return sum(each.get('d').count('h0') for each in pictures[name].iter() if each.get('class') == 'series')
     stopped = sum(found.stop_count(way).stopped for way in StopWay)
     assert [dots(name) for name in list(pictures)[:4]] == [3, 3, stopped, 3 * plan.closes]
+    texts = {name: [each.text for each in picture.iter() if each.tag.endswith('text')]
+             for name, picture in pictures.items()}
+    assert {'time to standstill [ms]', '0', 'limit', 'cancel'} <= set(texts['stops.svg'])
+    assert {f'position of the joint [{plan.unit}]', 'opening [mm]', 'gauge blocks'} <= set(texts['opening.svg'])
+    for name, count in (('left_pad.svg', plan.grid.rows), ('right_pad.svg', plan.grid.rows)):
+        assert texts[name].count('0') == texts[name].count(str(count - 1)) == 2  # a row and a column
     assert pictures_of(Evaluation(CommissioningRecord(tmp_path / 'none.json'), plan), plan) == {}
 
 

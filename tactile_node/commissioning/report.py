@@ -15,7 +15,7 @@ from tactile_node.output_file import output_file
 SKIN_STEPS = 'response', 'assessment'  #: Steps that `tactile calibrate` and `tactile assess` carry out.
 #: Factor and unit in which a value is written for a person. The JSON file keeps the units of the measurements.
 SHOWN_AS = {'m': (1e3, 'mm'), 'm/s': (1e3, 'mm/s'), 'rad': (180 / math.pi, 'degrees'), 's': (1e3, 'ms'),
-            'N/m': (1e-3, 'N/mm')}
+            'm/percent': (1e3, 'mm/percent'), 'm/rad': (1e3, 'mm/rad'), 'N/m': (1e-3, 'N/mm')}
 FORCES = 1.0, 2.0, 5.0, 10.0  #: Overshoots for which the page gives the fastest speed [N].
 
 
