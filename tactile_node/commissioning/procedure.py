@@ -572,8 +572,9 @@ class CommissioningProcedure:
     def _grip_jig(self) -> tuple[BlockFace, BlockFace]:
         """Return the faces of the block in the jig on both pads."""
         block = self._plan.jig_block
-        stalls = self._press_block(block, Act.JIG, f'Put the block of {1e3 * block.width:g} mm into the jig, and hold '
-                                   'the jig with its datum faces against the palm.')
+        stalls = self._press_block(block, Act.JIG, f'Put the block of {1e3 * block.width:g} mm into the jig. Hold the '
+                                   'face A against the palm, and the faces B and C at their places beside it. Hold the '
+                                   'block on the floor of the groove with a finger on its top, away from the pads.')
         measure_grip(stalls, self._places, block.width, block.length, self._rough_metres, jig.MOST_SKEW)
         faces = measure_faces(stalls, self._places)
         jig.check_jig(faces)
