@@ -300,8 +300,7 @@ class CommissioningProcedure:
         is_rising = start < (self._plan.low + self._plan.high) / 2
         effort = FIRST_EFFORT * self._plan.most_effort
         first = Move(start + way if is_rising else start - way, effort, self._plan.travel / FREE_TIME / 10)
-        self._gripper.consent(f'first movement{self._to(first.position)}, with an effort that rises until the gripper '
-                              f'moves, at most to {self._plan.most_effort:g}', first, TOUCHED, 1)
+        self._gripper.consent('first movement, with rising effort', first, TOUCHED, 1)
         while effort <= self._plan.most_effort:
             self._gripper.command(first._replace(effort=effort))
             self._gripper.watch(1.0, 'first movement', may_touch=False)
