@@ -14,6 +14,7 @@ from bench_commissioning import compared, plan_for
 from commissioning_world import GRID, CommissioningDesk, random_truth
 from launch_stand_in import processes_of, put_stand_ins
 
+from tactile_node.cli.commission import _check as check_of
 from tactile_node.cli.commission import _procedure as procedure_at
 from tactile_node.cli.commissioning_pictures import pictures_of
 from tactile_node.commissioning import procedure
@@ -43,7 +44,7 @@ from tactile_node.commissioning.pad_mounting import (
 from tactile_node.commissioning.pad_rest import measure_rest, was_touched
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
 from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
-from tactile_node.commissioning.recording import PadFrames, Recording
+from tactile_node.commissioning.recording import JointStates, PadFrames, Recording
 from tactile_node.commissioning.report import found_lines, report_data, write_report
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
@@ -251,6 +252,9 @@ def test_each_series_is_consented_to_and_foam_comes_before_hard_blocks(finished)
     for question in desk.questions:
         if question.act is Act.CONSENT:
             assert all(word in question.text for word in (' movement', ' at ', 'effort of', ' N. Start?'))
+            if not question.text.startswith('first movement'):
+                assert f' {desk.truth.unit}' in question.text.split(':')[0]  # the target
+                assert 'upper limits' in question.text or 'with rising effort' not in question.text
 
 
 def with_jig(path, folder, mistakes=()):
@@ -491,6 +495,56 @@ def test_an_interruption_stops_the_gripper_and_keeps_the_finished_steps(finished
     assert 'stops' in CommissioningRecord(tmp_path / 'record.json')
 
 
+def test_an_interrupted_check_says_what_was_stopped_and_what_is_unfinished(finished, tmp_path):
+    desk, plan = desk_of()
+    first = without(finished[2], tmp_path, 'proof')
+    before, said = (tmp_path / 'record.json').read_bytes(), []
+    desk.say = said.append
+
+    def interrupt(question):
+        raise KeyboardInterrupt
+    desk.ask = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        check_of(desk, desk, plan, first, tmp_path)
+    assert 'cancelled its goals and commanded the present position' in said[-1]
+    assert 'Not finished: rest, pads, first movement, stops.' in said[-1] and 'record of the' in said[-1]
+    assert (tmp_path / 'record.json').read_bytes() == before
+
+
+class SilentJoint:
+    """A desk that sends no joint states from 0.2 s to 0.6 s after one command of the step `step`."""
+
+    def __init__(self, desk, commands):
+        self._desk, self._commands, self._since = desk, commands, math.inf
+
+    def __getattr__(self, name):
+        return getattr(self._desk, name)
+
+    def command(self, *move):
+        self._desk.command(*move)
+        if len(self._desk.commands) == self._commands:
+            self._since = self.now()
+
+    def advance(self, seconds):
+        recording = self._desk.advance(seconds)
+        is_silent = 0.2 < self.now() - self._since < 0.6
+        return recording._replace(joint=JointStates(np.zeros(0), np.zeros(0))) if is_silent else recording
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings('error::RuntimeWarning')
+def test_a_reading_of_the_step_waits_for_missing_joint_states(finished, tmp_path):
+    commands = []
+    for at in (math.inf, 30):
+        desk, plan = desk_of()
+        record = without(finished[2], tmp_path, 'step')
+        CommissioningProcedure(SilentJoint(desk, at), desk, plan, record).run()
+        commands.append(len(desk.commands))
+        step, expected = (each['step']['step'] for each in (record, CommissioningRecord(finished[2])))
+        assert abs(step[0] - expected[0]) < 3 * math.hypot(step[1], expected[1])
+    assert abs(commands[0] - commands[1]) < 5  # a reading that is NaN would use all commands
+
+
 # ---- files ----
 
 @pytest.mark.slow
@@ -595,6 +649,37 @@ def test_the_lines_after_a_step_give_its_values_and_name_what_is_unknown(finishe
 
 
 @pytest.mark.slow
+def test_a_line_names_the_limit_the_remedy_and_only_what_is_missing(finished, tmp_path):
+    _, plan, path = finished
+    record = without(path, tmp_path, 'step')
+    record['rest']['pads'][1] |= {'lost': 0.2, 'drift': (1e-3, 1e-6)}
+    record['stops']['trials']['cancel'] = [(True, 0.1, 0.2, False)] * 6
+    record['foam']['kept'] |= {'cancel': (0.9, 0.01), 'goal': (0.16, 0.01)}
+    lines = found_lines(Evaluation(record, plan))
+    by_name = dict(line.split(': ', 1) for line in lines if not line.startswith('unknown'))
+    assert 'keeps 16 % of the force on foam, at least 70 % needed' in by_name['stop by goal']
+    assert ' degrees' in by_name['right pad, turn']
+    assert by_name['speed'].endswith(' mm/s') and ' ms (upper' in by_name['time from a command to the movement']
+    for name, value in (('lost frames', '0.2, FAIL (at most 0.05. Reduce the load'), ('drift in 300 s', '0.3 +- ')):
+        assert by_name[f'{plan.pads[1]}/taxels, {name}'].startswith(value)
+        assert 'record.json' in by_name[f'{plan.pads[1]}/taxels, {name}']
+        assert 'record.json' not in by_name[f'{plan.pads[0]}/taxels, {name}']
+    assert 'unknown: fit for closing by touch (not known: step)' in lines
+
+
+@pytest.mark.slow
+def test_the_notes_state_the_remaining_limit_and_the_time_of_a_close(finished):
+    desk, plan, path = finished
+    parameters = measured_parameters(Evaluation(CommissioningRecord(path), plan), plan)
+    effort, closing = parameters.notes
+    assert f'gripper_effort {parameters.nodes["touch_gripper"]["gripper_effort"]:.3g} is' in effort
+    widest = max(map(desk.truth.gap, (plan.low, plan.high)))
+    speed = parameters.nodes['touch_gripper']['fast_speed']
+    seconds = float(closing.split(' takes ')[1].split()[0])
+    assert abs(seconds * speed - (widest - 0.025)) < 0.001 + 0.5 * speed
+
+
+@pytest.mark.slow
 def test_blocks_that_contradict_each_other_are_the_reason_for_an_unknown_law(finished, tmp_path):
     _, plan, path = finished
     content = json.loads(path.read_text())
@@ -618,6 +703,12 @@ def test_the_pictures_show_each_block_stop_close_and_pad(finished, tmp_path):
         return sum(each.get('d').count('h0') for each in pictures[name].iter() if each.get('class') == 'series')
     stopped = sum(found.stop_count(way).stopped for way in StopWay)
     assert [dots(name) for name in list(pictures)[:4]] == [3, 3, stopped, 3 * plan.closes]
+    texts = {name: [each.text for each in picture.iter() if each.tag.endswith('text')]
+             for name, picture in pictures.items()}
+    assert {'time to standstill [ms]', '0', 'limit', 'cancel'} <= set(texts['stops.svg'])
+    assert {f'position of the joint [{plan.unit}]', 'opening [mm]', 'gauge blocks'} <= set(texts['opening.svg'])
+    for name, count in (('left_pad.svg', plan.grid.rows), ('right_pad.svg', plan.grid.rows)):
+        assert texts[name].count('0') == texts[name].count(str(count - 1)) == 2  # a row and a column
     assert pictures_of(Evaluation(CommissioningRecord(tmp_path / 'none.json'), plan), plan) == {}
 
 

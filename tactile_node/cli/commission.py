@@ -2,13 +2,14 @@
 
     tactile commission --output hand --joint finger_joint --unit m --limits 0 0.04 --most-effort 40
     tactile commission --output hand            # continues after the last finished step
-    tactile commission --output hand --check    # two minutes, later: has anything changed?
+    tactile commission --output hand --check    # later, about 2.5 minutes: has anything changed?
 
 The command asks you for each action, and moves the gripper after your consent (docs/commissioning.md). It needs a
 running driver of both pads, the gripper's own action (ParallelGripperCommand) and joint states. Ctrl-C stops the
 gripper. After each step, the command prints the values that the step has found. The folder of --output gets the results
 of each step (record.json), the parameters (parameters.yaml) and the report (report.md, report.json). The exit code is 1
-if a step was refused, or if --check finds a change.
+if a step was refused, or if --check finds a change; 2 if an option, the driver or the gripper has to be corrected
+first, and after the recordings of --disc and --shapes; 130 after Ctrl-C.
 """
 
 import argparse
@@ -43,7 +44,8 @@ DOWN = {'base': (0.0, -1.0), 'tip': (0.0, 1.0), 'left': (-1.0, 0.0), 'right': (1
 SAFETY = '''
 The gripper will move. This program is not a safety function (ISO 13849, ISO 10218).
   - Keep the emergency stop within your reach, and fix the gripper so that the arm cannot move.
-  - The program states the speed, the effort and the force of each series of movements before you consent.
+  - Before each series of movements, the program states the target, the speed, the effort and the force. The target is
+    a position of the joint. The effort is in the unit of the gripper.
   - Until the first movement is done, the program does not know which direction opens the gripper.
   - Press Ctrl-C to stop: the program cancels all goals, and commands the present position.
 '''
@@ -182,8 +184,8 @@ def _commission(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPla
         return REFUSED_CODE
     finally:
         _write_results(plan, record, folder, person)
-        if unfinished := procedure.unfinished(skip):
-            person.say(f'Not finished: {", ".join(unfinished)}. Start the same command again to carry out these steps.')
+        _say_unfinished(person, procedure.unfinished(skip), 'Start the same command again to carry out these '
+                        'steps.')
     return 0
 
 
@@ -198,14 +200,25 @@ def _check(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', f
     path.unlink(missing_ok=True)
     check = CommissioningRecord(path)
     short = replace(plan, rest_time=CHECK_REST, stop_trials=CHECK_TRIALS)
+    procedure = _procedure(gripper, person, short, check)
     try:
-        _procedure(gripper, person, short, check).run(OPTIONAL)
+        procedure.run(OPTIONAL)
     except RefusedStepError as error:
         print(f'tactile: error: {error}', file=sys.stderr)
         return REFUSED_CODE
+    finally:
+        _say_unfinished(person, procedure.unfinished(OPTIONAL), 'The record of the commissioning is unchanged. Start '
+                        'the same command again to repeat the whole check.')
     found = find_changes(first, check, plan)
     person.say('\n'.join(map(str, found)) or 'No change was found.')
     return REFUSED_CODE if found else 0
+
+
+def _say_unfinished(person: Terminal, steps: Sequence[str], remedy: str) -> None:
+    """Print the steps without results, and how the procedure has stopped the gripper if it was moving."""
+    if steps:
+        person.say(f'\nNot finished: {", ".join(steps)}. If the command was moving the gripper, it has cancelled its '
+                   f'goals and commanded the present position. {remedy}')
 
 
 def _procedure(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', record: 'CommissioningRecord'
@@ -250,6 +263,8 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
     person.say(f'\nWritten to {folder}: {", ".join(written)}.'
                + (f' {len(parameters.absent)} parameters are missing; the report gives the reasons.'
                   if parameters.absent else ''))
+    for note in parameters.notes:
+        person.say(f'  {note}')
 
 
 @contextmanager

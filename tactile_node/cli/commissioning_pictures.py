@@ -1,13 +1,13 @@
 """Draw the pictures of a commissioning's report with the drawing helpers of `tactile report`."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.evaluation import MOST_LATENCY, Evaluation
 from tactile_node.commissioning.movement import StopWay
 from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.taxel_survey import TaxelFinding
@@ -15,9 +15,11 @@ from tactile_node.viewing.chart import DOT_WIDTH, LINE_WIDTH, POINT_COLOURS, Plo
 from tactile_node.viewing.pad_picture import taxel_map
 from tactile_node.viewing.templates import shared
 
-FRAME = PlotArea(760, 220, 70, 20, 12, 24)
+FRAME = PlotArea(760, 250, 76, 20, 26, 44)
 PAD_WIDTH = 380  #: [pixels]
+PAD_AXES = 'column, row (up); red: faulty, grey: unknown'
 BLUE, ORANGE, GREEN, VIOLET = POINT_COLOURS
+GREY = '#5c6672'
 LINE = np.inf  #: gap of a series that is drawn as a line
 BESIDE = 0.1  #: distance by which the point of a pad is drawn beside the number of its close, so that both are visible
 MARGIN = 0.08  #: margin around the points [share of their range]
@@ -33,6 +35,7 @@ def pictures_of(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[s
 def _law(found: Evaluation, unit: str) -> dict[str, tuple[str, str]]:
     if found.law is None:
         return {}
+    position = f'position of the joint [{unit}]'
     readings = np.array([grip.onset.value for grip in found.grips])
     widths, line = np.array([grip.width for grip in found.grips]), np.linspace(*found.law.readings, 60)
     misses = np.array([found.law.law.gap(reading) for reading in readings]) - widths
@@ -42,24 +45,30 @@ def _law(found: Evaluation, unit: str) -> dict[str, tuple[str, str]]:
     return {
         'opening.svg': ('Opening over the position of the joint: law (blue) and gauge blocks (orange).', _drawn(
             [Series(BLUE, line, np.array([1e3 * found.law.law.gap(each) for each in line]), LINE),
-             Series(ORANGE, readings, 1e3 * widths)], f' {unit}', ' mm')),
+             Series(ORANGE, readings, 1e3 * widths)], position, 'opening [mm]', {'law': BLUE, 'gauge blocks': ORANGE})),
         'opening_residuals.svg': (
             'Law minus width of the block (orange) over the position of the joint, with two standard deviations of the '
             'law (blue).',
             _drawn([Series(VIOLET, line, np.zeros(line.shape), LINE), *bars, Series(ORANGE, readings, 1e3 * misses)],
-                   f' {unit}', ' mm'))}
+                   position, 'law minus width [mm]', {'law minus width of the block': ORANGE,
+                                                      'two standard deviations of the law': BLUE, 'zero': VIOLET}))}
 
 
 def _stops(found: Evaluation) -> dict[str, tuple[str, str]]:
-    curves = []
+    longest = max(found.stop_count(way).trials for way in StopWay)
+    curves = [Series(colour, np.array((1, longest)), np.full(2, level), LINE)
+              for colour, level in ((GREY, 0.0), (VIOLET, 1e3 * MOST_LATENCY))]
     for colour, way in zip(POINT_COLOURS, StopWay):
         stopped = np.array([1e3 * trial.stopped if trial.is_stopped else np.nan for trial in found.trials(way)])
         known = np.isfinite(stopped)
         curves.append(Series(colour, 1 + np.flatnonzero(known), stopped[known]))
     return {'stops.svg': (
         'Time from a stop to standstill over the number of the trial: cancel (blue), goal at the present position '
-        '(orange), reverse (green). Failed trials are left out.', _drawn(curves, '', ' ms'))} if any(
-            curve.x.size for curve in curves) else {}
+        f'(orange), reverse (green). The line (violet) shows the limit of {MOST_LATENCY:g} s. Failed trials are left '
+        'out.',
+        _drawn(curves, 'number of the trial', 'time to standstill [ms]',
+               {**{way.value: colour for colour, way in zip(POINT_COLOURS, StopWay)}, 'limit': VIOLET}))} if any(
+            curve.x.size for curve in curves[2:]) else {}
 
 
 def _proof(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, str]]:
@@ -74,19 +83,23 @@ def _proof(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, s
     return {'proof.svg': (
         'Force over the number of the close: largest (orange), at rest on the left pad (blue) and on the right pad '
         '(green). The lines (violet) show the force of the stop, and the predicted largest force.',
-        _drawn(curves, '', ' N'))}
+        _drawn(curves, 'number of the close', 'force [N]', {
+            'largest': ORANGE, 'at rest, left': BLUE, 'at rest, right': GREEN, 'stop and prediction': VIOLET}))}
 
 
 def _pads(found: Evaluation, plan: CommissioningPlan) -> dict[str, tuple[str, str]]:
     colours = np.array([TAXEL_COLOURS[each] for each in TaxelFinding])
     return {f'{name}_pad.svg': (
         f'Taxels of the {name} pad, as its device counts the rows and columns: working (green), faulty (red), unknown '
-        '(grey).', _file(taxel_map(name, colours[taxels], plan.grid.pitch), PAD_WIDTH))
+        '(grey).', _file(taxel_map(name, colours[taxels], None, axes=PAD_AXES), PAD_WIDTH))
         for name, taxels in zip(('left', 'right'), found.taxels)}
 
 
-def _drawn(curves: Sequence[Series], x_unit: str, y_unit: str) -> str:
-    """Return a chart of curves. Unlike in `chart`, the axes begin at the smallest values, and x is not a time."""
+def _drawn(curves: Sequence[Series], x_title: str, y_title: str, legend: Mapping[str, str]) -> str:
+    """Return a chart of curves. Unlike in `chart`, the axes begin at the smallest values, and x is not a time.
+
+    ``legend`` gives the colour of each name.
+    """
     x_low, x_high = _range([curve.x for curve in curves])
     y_low, y_high = _range([curve.y for curve in curves])
 
@@ -95,9 +108,11 @@ def _drawn(curves: Sequence[Series], x_unit: str, y_unit: str) -> str:
     paths = [(colour, LINE_WIDTH if gap else 1.6 * DOT_WIDTH, Markup(''.join(  # nosec B704: numbers
         f'{"L" if gap and number else "M"}{x:.1f} {y:.1f}{"" if gap else "h0"}'
         for number, (x, y) in enumerate(zip(*place(xs, ys)))))) for colour, xs, ys, gap in curves]
-    x_ticks = [(place(each, y_low)[0], f'{each:.4g}{x_unit}') for each in ticks(x_low, x_high)]
-    y_ticks = [(place(x_low, each)[1], f'{each:.4g}{y_unit}') for each in ticks(y_low, y_high)]
-    return _file(shared().chart(FRAME, x_ticks, y_ticks, paths), FRAME.width)
+    x_ticks = [(place(each, y_low)[0], f'{each:.4g}') for each in ticks(x_low, x_high)]
+    y_ticks = [(place(x_low, each)[1], f'{each:.4g}') for each in ticks(y_low, y_high)]
+    places = np.linspace(FRAME.left, FRAME.width - FRAME.right, len(legend), endpoint=False)
+    names = [(x, colour, name) for x, (name, colour) in zip(places, legend.items())]
+    return _file(shared().chart(FRAME, x_ticks, y_ticks, paths, x_title, y_title, names), FRAME.width)
 
 
 def _range(values: Sequence[np.ndarray]) -> tuple[float, float]:

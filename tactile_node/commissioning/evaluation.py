@@ -32,6 +32,8 @@ MOST_CHORD_ERROR = 2e-4  #: Largest error of a linear law that stands for a knuc
 LEAST_FORCE_ERROR = 0.005  #: Relative error of the force that both pads may share.
 DRIFT_TIME = 300.0      #: Time over which the drift is given [s].
 NOT_DONE = 'the step was skipped or not finished'
+#: Remedy that repeats the rest. The proof depends on the age of the frames, which the rest measures.
+REPEAT_REST = 'Then delete the steps rest and proof from record.json, and start the command again'
 
 
 class Fact(NamedTuple):
@@ -220,6 +222,11 @@ class Evaluation:
         """Largest overshoot that was predicted for the closes [N]; NaN without closes."""
         return float(self._record.get('proof').get('predicted', math.nan))
 
+    @property
+    def widest_opening(self) -> float:
+        """Opening at the open end of the joint, by the law [m]; NaN if unknown."""
+        return max(map(self.law.law.gap, (self._plan.low, self._plan.high))) if self.law else math.nan
+
     def fits_closing(self) -> Fact:
         """Return whether the gripper is fit for closing by touch, with the numbers."""
         name, limit = 'fit for closing by touch', self._plan.force_limit
@@ -231,7 +238,8 @@ class Evaluation:
             return Fact(name, 'no', Verdict.FAIL, f'no way to stop is reliable and keeps the force: {counts}')
         step, stiffness = self.step, self.stiffness
         if not (step.is_known and stiffness.is_known):
-            return Fact(name, 'unknown', Verdict.UNKNOWN, 'step or stiffness is not known')
+            missing = [each for each, found in (('step', step), ('stiffness', stiffness)) if not found.is_known]
+            return Fact(name, 'unknown', Verdict.UNKNOWN, f'not known: {", ".join(missing)}')
         force = step.value * stiffness.value
         spread = 2 * math.hypot(step.deviation * stiffness.value, step.value * stiffness.deviation)
         numbers = f'step {1e3 * step.value:.3f} mm x stiffness {stiffness.value / 1e3:.2f} N/mm = {force:.2f} N'
@@ -248,7 +256,7 @@ class Evaluation:
         lines = []
         swapped = self.is_swapped
         lines.append(Fact('left pad', 'unknown', Verdict.UNKNOWN, NOT_DONE) if swapped is None else
-                     Fact('left pad', f'pad {int(swapped) + 1} of the driver', Verdict.PASS, ''))
+                     Fact('left pad', f'topic {self.names[0]}/taxels', Verdict.PASS, ''))
         for number, name in enumerate(('left', 'right')):
             if not self.mountings:
                 lines.append(Fact(f'{name} pad, mounting', 'unknown', Verdict.UNKNOWN, NOT_DONE))
@@ -267,7 +275,8 @@ class Evaluation:
                 lines.append(Fact(f'stop by {way.value}', 'unknown', Verdict.UNKNOWN, NOT_DONE))
                 continue
             kept = self.kept(way)
-            text = f'; keeps {100 * kept.value:.0f} % of the force on foam' if kept.is_known else ''
+            text = f'; keeps {100 * kept.value:.0f} % of the force on foam, at least {100 * KEPT_SHARE:.0f} % needed' \
+                if kept.is_known else ''
             sure = f'; at least {100 * count.least_share:.0f} % with 95 % confidence' if count.is_reliable else ''
             fits = count.is_reliable and not (kept.is_known and kept.value < KEPT_SHARE)
             lines.append(Fact(f'stop by {way.value}', f'{count.stopped} of {count.trials} stopped',
@@ -280,17 +289,19 @@ class Evaluation:
         lines = []
         for number, pad in enumerate(rest):
             noise, drift = Estimate(*pad['noise']), Estimate(*pad['drift']).scaled(DRIFT_TIME)
-            name = f'pad {number + 1} of the driver'
+            name = f'{self._plan.pads[number]}/taxels'
             lines.append(_limited(f'{name}, noise', noise, 'N', MOST_NOISE))
-            lines.append(_limited(f'{name}, drift in {DRIFT_TIME:g} s', drift, 'N', MOST_DRIFT))
+            lines.append(_limited(f'{name}, drift in {DRIFT_TIME:g} s', drift, 'N', MOST_DRIFT, 'Wait until the pads '
+                                  f'are warm, and touch nothing. {REPEAT_REST}'))
             lines.append(_plain(f'{name}, frame rate', Estimate(pad['rate'], 0.0), 'Hz'))
-            lines.append(_limited(f'{name}, lost frames', Estimate(pad['lost'], 0.0), '1', MOST_LOST))
+            lines.append(_limited(f'{name}, lost frames', Estimate(pad['lost'], 0.0), '1', MOST_LOST, 'Reduce the load '
+                                  f'of the machine, or give the driver a longer sync_period. {REPEAT_REST}'))
         law, no_law = self.law, self._no_law
         is_pressed = 'foam' in self._record
         lines += [_plain('opening in the middle of the blocks', law.opening(law.middle) if law else NOT_MEASURED, 'm',
                          no_law),
                   _plain('change of the opening per unit of the joint',
-                         law.slope(law.middle) if law else NOT_MEASURED, 'm', no_law),
+                         law.slope(law.middle) if law else NOT_MEASURED, f'm/{self._plan.unit}', no_law),
                   _plain('speed', self.speed, 'm/s', NOT_DONE if law else no_law),
                   _plain('step', self.step, 'm', no_law if 'step' in self._record else NOT_DONE),
                   _plain('stiffness with a hard block', self.stiffness, 'N/m',
@@ -373,12 +384,15 @@ def _plain(name: str, estimate: Estimate, unit: str, unknown: str = NOT_DONE) ->
     return Measurement(name, estimate, unit, Verdict.PASS, '')
 
 
-def _limited(name: str, estimate: Estimate, unit: str, limit: float) -> Measurement:
-    """Return a line whose magnitude has an upper limit."""
+def _limited(name: str, estimate: Estimate, unit: str, limit: float, remedy: str = '') -> Measurement:
+    """Return a line whose magnitude has an upper limit. A value above the limit gets the remedy."""
     if not estimate.is_known:
         return Measurement(name, NOT_MEASURED, unit, Verdict.UNKNOWN, NOT_DONE)
     verdict = Verdict.PASS if abs(estimate.value) <= limit else Verdict.FAIL
-    return Measurement(name, estimate, unit, verdict, f'at most {limit:g} {unit}'.removesuffix(' 1'))
+    reason = f'at most {limit:g} {unit}'.removesuffix(' 1')
+    if remedy and verdict is Verdict.FAIL:
+        reason = f'{reason}. {remedy}'
+    return Measurement(name, estimate, unit, verdict, reason)
 
 
 def _bound(name: str, bound: float, unknown: str = NOT_DONE) -> Measurement:
@@ -386,4 +400,4 @@ def _bound(name: str, bound: float, unknown: str = NOT_DONE) -> Measurement:
     if not math.isfinite(bound):
         return Measurement(name, NOT_MEASURED, 's', Verdict.UNKNOWN, unknown)
     return Measurement(name, Estimate(bound, 0.0), 's', Verdict.PASS if bound <= MOST_LATENCY else Verdict.FAIL,
-                       f'upper bound; at most {MOST_LATENCY:g} s')
+                       f'upper bound; at most {1e3 * MOST_LATENCY:g} ms')

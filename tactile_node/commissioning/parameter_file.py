@@ -4,6 +4,7 @@ A parameter that was not measured is absent, so that its absence is visible in t
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,10 +32,11 @@ HEAD = '''# Parameters that `tactile commission` has measured. Pass this file wi
 
 
 class MeasuredParameters(NamedTuple):
-    """Parameters of each node, and the reason for each parameter that is missing."""
+    """Parameters of each node, the reason for each parameter that is missing, and notes about their use."""
 
     nodes: dict[str, dict[str, Any]]
     absent: dict[str, str]
+    notes: list[str]
 
 
 def measured_parameters(found: Evaluation, plan: CommissioningPlan) -> MeasuredParameters:
@@ -54,7 +56,8 @@ def measured_parameters(found: Evaluation, plan: CommissioningPlan) -> MeasuredP
         nodes['classifier']['shift_per_load'] = _rounded(abs(shift.value) + 2 * shift.deviation)
     else:
         absent['shift_per_load'] = reason
-    return MeasuredParameters({node: values for node, values in nodes.items() if values}, absent)
+    return MeasuredParameters({node: values for node, values in nodes.items() if values}, absent,
+                              _notes(nodes['touch_gripper'], found, plan))
 
 
 def write_parameters(path: str, parameters: MeasuredParameters) -> None:
@@ -115,6 +118,22 @@ def _add_closing(nodes: dict[str, dict[str, Any]], absent: dict[str, str], found
         closing |= {'gripper_effort': _rounded(effort), 'highest_force': plan.force_limit}
     else:
         absent['gripper_effort'] = 'the map from effort to force is not known'
+
+
+def _notes(closing: Mapping[str, Any], found: Evaluation, plan: CommissioningPlan) -> list[str]:
+    """Return what a person has to know about the parameters of touch_gripper before using them."""
+    notes = []
+    if 'gripper_effort' in closing:
+        notes.append(f'If touch_gripper is killed, gripper_effort {closing["gripper_effort"]:.3g} is the only '
+                     'remaining limit of the force.')
+    if 'fast_speed' in closing and found.law:
+        speed, start = closing['fast_speed'], found.widest_opening
+        end = sorted(block.width for block in plan.blocks)[len(plan.blocks) // 2]
+        notes.append(f'fast_speed equals slow_speed ({1e3 * speed:.3g} mm/s). Closing from {1e3 * start:.3g} mm to '
+                     f'{1e3 * end:.3g} mm takes {(start - end) / speed:.0f} s, because the latency is '
+                     f'{1e3 * found.latency:.0f} ms. If this is too long, reduce the latency. Give the goal enough '
+                     'time.')
+    return notes
 
 
 def pad_poses(grid: PadGrid, mountings: list[PadMounting], alignment: PadAlignment,

@@ -25,7 +25,7 @@ from tactile_node.commissioning.commissioned_gripper import Act, CommissionedGri
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.force import Close, map_effort, predict_overshoot, remaining_share, safe_force
-from tactile_node.commissioning.guarded_gripper import REACT, TOUCHED, GuardedGripper, Move
+from tactile_node.commissioning.guarded_gripper import REACT, SILENCE, TOUCHED, GuardedGripper, Move
 from tactile_node.commissioning.lateral_shift import MOST_DIFFERENT, HungWeight, shift_of
 from tactile_node.commissioning.measurement import Estimate
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
@@ -90,6 +90,8 @@ RATE_TIME = 2.0         #: Time over which the rate of the frames is compared wi
 MOST_RATE_CHANGE = 0.1  #: Largest relative difference of the two rates.
 PROMISED = 1.1          #: Force that is promised to the person, as a multiple of the force at which the foam step ends.
 BLOCK_SHARE = 0.95      #: Largest commanded force on a block, as a share of the force limit. The pads may read more.
+
+UPPER_ENDS = 'the following numbers are upper limits'  #: Part of the text of a series whose effort rises.
 
 #: End of the request to hold an object.
 UNTIL_HELD = '. After you have consented to the movements, keep holding it until the gripper grips it.'
@@ -353,13 +355,18 @@ class CommissioningProcedure:
         """Sign of the change of the reading when the gripper closes."""
         return float(np.sign(self._closed_end - self._open_end))
 
+    def _to(self, position: float) -> str:
+        """Return the target of a movement for the text of a series."""
+        return f' to {position:.3g} {self._plan.unit}'
+
     def _free(self, position: float) -> Move:
         return Move(position, self._effort, self._plan.travel / FREE_TIME)
 
     def _stops(self) -> dict[str, Any]:
         target = self._open_end + FREE_SHARE * (self._closed_end - self._open_end)
         self._clear('stops')
-        self._gripper.consent('stops', self._free(target), TOUCHED, 6 * self._plan.stop_trials)
+        self._gripper.consent(f'stops, back and forth between {self._open_end:.3g} and {target:.3g} {self._plan.unit}',
+                              self._free(target), TOUCHED, 6 * self._plan.stop_trials)
         results: dict[str, Any] = {'trials': {}}
         movements: list[JointStates] = []
         for way in StopWay:
@@ -409,14 +416,19 @@ class CommissioningProcedure:
         law = self._found.law
         middle = law.middle if law else (self._plan.low + self._plan.high) / 2
         increment = STEP_INCREMENT / abs(law.slope(middle).value) if law else 0.0003 * self._plan.travel
-        self._gripper.consent('small steps', self._free(middle), TOUCHED, STEP_COMMANDS)
+        self._gripper.consent(f'small steps, after a movement{self._to(middle)} ({UPPER_ENDS})', self._free(middle),
+                              TOUCHED, STEP_COMMANDS)
         self._attempt(self._gripper.move, self._free(middle), 'step')
         commanded, reached = [], []
         for number in range(STEP_COMMANDS):
             commanded.append(middle + number * increment)
             self._gripper.command(self._free(commanded[-1]))
             self._gripper.watch(self._settling, 'step', may_touch=False)
-            reached.append(float(self._gripper.watch(0.15, 'step', may_touch=False).joint.positions.mean()))
+            joint = self._gripper.watch(0.15, 'step', may_touch=False).joint
+            if not joint.times.size:  # wait for a joint state; the guard refuses a longer silence
+                joint = self._gripper.watch(2 * SILENCE, 'step', may_touch=False,
+                                            is_over=lambda part: part.joint.times.size > 0).joint
+            reached.append(float(joint.positions.mean()))
             if number > 20 and abs(reached[-1] - reached[0]) > STEP_RANGE * self._largest_jump(reached):
                 break
         found = measure_step(np.array(commanded), np.array(reached), self._gripper.noise / 3)
@@ -439,7 +451,8 @@ class CommissioningProcedure:
         opening = self._free(self._open_end)
         self._gripper.watch(SEEN_TIME, where, may_touch=True)
         if abs(self._gripper.reading - self._open_end) > FIRST_SHARE * self._plan.travel:
-            self._gripper.consent('opening (hold what is between the pads)', opening, TOUCHED, 1)
+            self._gripper.consent(f'opening{self._to(opening.position)} (hold what is between the pads)', opening,
+                                  TOUCHED, 1)
         self._gripper.move(opening, where, may_touch=True)
 
     def _insert(self, act: Act, text: str, width: float = 0.0) -> None:
@@ -468,9 +481,9 @@ class CommissioningProcedure:
         effort = self._record['first movement']['effort']
         self._insert(Act.FOAM, f'Hold the foam between the pads{UNTIL_HELD}')
         rises = np.log(self._plan.most_effort / effort) / np.log(FOAM_FACTOR)
-        self._gripper.consent('foam, with rising effort', Move(self._closed_end, self._plan.most_effort,
-                                                               self._plan.travel / FREE_TIME), PROMISED * goal,
-                              int(rises) + 5)
+        self._gripper.consent(f'foam, closing{self._to(self._closed_end)} with rising effort ({UPPER_ENDS})',
+                              Move(self._closed_end, self._plan.most_effort, self._plan.travel / FREE_TIME),
+                              PROMISED * goal, int(rises) + 5)
         stalls: list[Stall] = []
         while effort <= self._plan.most_effort:
             stalls.append(self._stall(effort, 'foam')[0])
@@ -552,7 +565,8 @@ class CommissioningProcedure:
         self._insert(act, text, block.width)
         limit = self._plan.force_limit
         move = Move(self._closed_end, self._effort_for(limit), self._plan.travel / FREE_TIME)
-        self._gripper.consent(where, move, limit, len(PROBE_SHARES) + STALLS)
+        self._gripper.consent(f'{where}, closing{self._to(move.position)} with rising effort ({UPPER_ENDS})', move,
+                              limit, len(PROBE_SHARES) + STALLS)
         stalls = [self._held_stall(self._effort_for(share * limit), where) for share in PROBE_SHARES]
         first, second = stalls[-2:]
         closed = max(abs(second.reading - first.reading), self._gripper.noise) * abs(self._rough_metres)
@@ -584,8 +598,9 @@ class CommissioningProcedure:
     def _grip_jig(self) -> tuple[BlockFace, BlockFace]:
         """Return the faces of the block in the jig on both pads."""
         block = self._plan.jig_block
-        stalls = self._press_block(block, Act.JIG, f'Put the block of {1e3 * block.width:g} mm into the jig, and hold '
-                                   'the jig with its datum faces against the palm.')
+        stalls = self._press_block(block, Act.JIG, f'Put the block of {1e3 * block.width:g} mm into the jig. Hold the '
+                                   'face A against the palm, and the faces B and C at their places beside it. Hold the '
+                                   'block on the floor of the groove with a finger on its top, away from the pads.')
         measure_grip(stalls, self._places, block.width, block.length, self._rough_metres, jig.MOST_SKEW)
         faces = measure_faces(stalls, self._places)
         jig.check_jig(faces)
@@ -612,8 +627,8 @@ class CommissioningProcedure:
         self._insert(Act.OBJECT, 'Hold the block between the pads, in the orientation of use.',
                      self._middle_block.width)
         effort = self._effort_for(self._plan.weight)
-        self._gripper.consent('grip for the weight', Move(self._closed_end, effort, self._plan.travel / FREE_TIME),
-                              self._plan.force_limit, 1)
+        move = Move(self._closed_end, effort, self._plan.travel / FREE_TIME)
+        self._gripper.consent(f'grip for the weight, closing{self._to(move.position)}', move, self._plan.force_limit, 1)
         before = self._held_stall(effort, 'weight')
         self._ask(Act.WEIGHT, f'Hang the weight of {self._plan.weight:g} N on the object.')
         recording = self._gripper.watch(STALL_TIME, 'weight', may_touch=True)
@@ -641,7 +656,8 @@ class CommissioningProcedure:
                      block.width)
         start = grip.onset.value - self._towards * BACK / slope
         move = Move(self._closed_end, self._effort_for(PROOF_FACTOR * self._plan.touch_force), speed / slope)
-        self._gripper.consent('proof', move, self._plan.touch_force + predicted, self._plan.closes)
+        self._gripper.consent(f'proof, closing{self._to(move.position)} until a pad reads {self._plan.touch_force:g} N',
+                              move, self._plan.touch_force + predicted, self._plan.closes)
         closes = [self._attempt(self._close, move, start, way, grip) for _ in range(self._plan.closes)]
         return {'closes': closes, 'speed': speed, 'predicted': predicted, 'reason': ''}
 

@@ -13,6 +13,9 @@ from tactile_node.commissioning.parameter_file import MeasuredParameters
 from tactile_node.output_file import output_file
 
 SKIN_STEPS = 'response', 'assessment'  #: Steps that `tactile calibrate` and `tactile assess` carry out.
+#: Factor and unit in which a value is written for a person. The JSON file keeps the units of the measurements.
+SHOWN_AS = {'m': (1e3, 'mm'), 'm/s': (1e3, 'mm/s'), 'rad': (180 / math.pi, 'degrees'), 's': (1e3, 'ms'),
+            'm/percent': (1e3, 'mm/percent'), 'm/rad': (1e3, 'mm/rad'), 'N/m': (1e-3, 'N/mm')}
 FORCES = 1.0, 2.0, 5.0, 10.0  #: Overshoots for which the page gives the fastest speed [N].
 
 
@@ -55,6 +58,7 @@ def page_text(found: Evaluation, parameters: MeasuredParameters, about: Mapping[
     for step in SKIN_STEPS:
         text = found.of_skin(step).get('text', 'The step was not carried out.')
         lines += ['', f'## Skin: {step}', '', *(f'    {line}'.rstrip() for line in text.strip().splitlines())]
+    lines += ['', '## Before you use the parameters', '', *(f'- {note}' for note in parameters.notes or ['Nothing.'])]
     lines += ['', '## Parameters that are missing', '']
     lines += [f'- {name}: {reason}' for name, reason in parameters.absent.items()] or ['None.']
     if found.left_place is None:
@@ -91,15 +95,16 @@ def report_data(found: Evaluation, parameters: MeasuredParameters, about: Mappin
                               'verdict': each.verdict.value, 'reason': each.reason} for each in found.measurements],
             'fastest_speeds': [{'overshoot': force, 'speed': _number(found.allowed_speed(force))} for force in FORCES],
             'skin': {step: found.of_skin(step).get('text') for step in SKIN_STEPS},
-            'parameters': parameters.nodes, 'absent': parameters.absent}
+            'parameters': parameters.nodes, 'absent': parameters.absent, 'notes': list(parameters.notes)}
 
 
 def _written(each: Measurement) -> str:
     if not each.estimate.is_known:
         return 'unknown'
     value, deviation = each.estimate
-    unit = '' if each.unit == '1' else f' {each.unit}'
-    return f'{value:.4g} +- {deviation:.2g}{unit}' if deviation else f'{value:.4g}{unit}'
+    factor, shown = SHOWN_AS.get(each.unit, (1.0, each.unit))
+    value, unit = factor * value, '' if each.unit == '1' else f' {shown}'
+    return f'{value:.4g} +- {factor * deviation:.2g}{unit}' if deviation else f'{value:.4g}{unit}'
 
 
 def _speed(speed: float) -> str:

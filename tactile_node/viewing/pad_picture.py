@@ -16,6 +16,8 @@ from tactile_node.viewing.templates import shared
 
 #: length of the longer side of the taxel area [SVG units]
 LONGER_SIDE = 16.0
+#: largest number of rows or columns that an axis numbers
+MOST_NUMBERS = 16
 #: opacity of a picture whose readings are out of date
 PALE = 0.25
 #: scale factor and displayed unit for each unit of taxel values
@@ -42,12 +44,12 @@ def pad_picture(state: PadState, full_scale: float, is_old: bool = False) -> Mar
         outline=None if state.contact is None else state.contact.outline, opacity=PALE if is_old else 1.0)
 
 
-def taxel_map(label: str, colours: np.ndarray, pitch: float, *, top: tuple[str, str] | None = None,
+def taxel_map(label: str, colours: np.ndarray, pitch: float | None, *, top: tuple[str, str] | None = None,
               hidden: np.ndarray | None = None, saturated: np.ndarray | None = None,
-              outline: np.ndarray | None = None, opacity: float = 1.0) -> Markup:
+              outline: np.ndarray | None = None, opacity: float = 1.0, axes: str = 'mm') -> Markup:
     """Return a picture of a pad with a colour for each taxel.
 
-    The axes show millimetres from the centre of taxel (0, 0).
+    The axes show millimetres from the centre of taxel (0, 0), or the numbers of rows and columns.
 
     Parameters
     ----------
@@ -56,24 +58,29 @@ def taxel_map(label: str, colours: np.ndarray, pitch: float, *, top: tuple[str, 
     colours
         RGB or RGBA colours, 0 to 255, shape (rows, cols, 3 or 4).
     pitch
-        Distance between neighbouring taxels [m].
+        Distance between neighbouring taxels [m], or None to number the rows and columns.
     top
         Number and unit at the bright end of the colour bar, or None to draw no bar.
     hidden, saturated
         Masks of the taxels without a valid value, which get a cross, and of the taxels at the end of their range, which
         get a ring; bool (rows, cols).
     outline
-        Corners of the outline in the pad frame (n, 2) [m], or None.
+        Corners of the outline in the pad frame (n, 2) [m], or None. The outline needs the pitch.
     opacity
         Opacity of the picture, from 0 to 1.
+    axes
+        Text below the axes.
     """
     rows, cols = colours.shape[:2]
-    x_ticks, y_ticks = (ticks(0, 1e3 * pitch * (count - 1)) for count in (cols, rows))
+    scale = 1e-3 / pitch if pitch else 1.0  # taxels per unit of the axes
+    x_ticks, y_ticks = (ticks(0, 1e3 * pitch * (count - 1)) if pitch else range(0, count, -(-count // MOST_NUMBERS))
+                        for count in (cols, rows))
     return shared().pad(
         label, rows, cols, LONGER_SIDE / max(rows, cols), opacity, _png(colours[::-1]), _places(hidden),
-        _places(saturated), [(1e-3 * x / pitch + 0.5, f'{x:g}') for x in x_ticks],
-        [(rows - 0.5 - 1e-3 * y / pitch, f'{y:g}') for y in y_ticks],
-        top, _bar(), '' if outline is None else _points(outline, pitch, rows))
+        _places(saturated), [(scale * x + 0.5, f'{x:g}') for x in x_ticks],
+        [(rows - 0.5 - scale * y, f'{y:g}') for y in y_ticks],
+        top, _bar(), '' if outline is None or pitch is None else _points(outline, pitch, rows),
+        axes)
 
 
 def reading(value: float, unit: str) -> tuple[str, str]:
