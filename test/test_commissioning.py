@@ -252,9 +252,8 @@ def test_each_series_is_consented_to_and_foam_comes_before_hard_blocks(finished)
     for question in desk.questions:
         if question.act is Act.CONSENT:
             assert all(word in question.text for word in (' movement', ' at ', 'effort of', ' N. Start?'))
-            if not question.text.startswith('first movement'):
-                assert f' {desk.truth.unit}' in question.text.split(':')[0]  # the target
-                assert 'upper limits' in question.text or 'with rising effort' not in question.text
+            assert f' {desk.truth.unit}' in question.text.split(':')[0]  # the target
+            assert 'upper limits' in question.text or 'with rising effort' not in question.text
 
 
 def with_jig(path, folder, mistakes=()):

@@ -310,7 +310,8 @@ class CommissioningProcedure:
         is_rising = start < (self._plan.low + self._plan.high) / 2
         away = Move(start + way if is_rising else start - way, FIRST_EFFORT * self._plan.most_effort,
                     self._plan.travel / FREE_TIME / 10)
-        self._gripper.consent('first movement and the way back, with rising effort', away, TOUCHED, 2)
+        self._gripper.consent(f'first movement{self._to(away.position)} and the way back, with an effort that rises, '
+                              f'at most to {self._plan.most_effort:g}', away, TOUCHED, 2)
         effort = self._smallest_effort(away)
         answer = self._ask(Act.DIRECTION, 'How have the fingers moved?', ('opened', 'closed', 'not moved'))
         effort = self._smallest_effort(away._replace(position=start, effort=effort))
