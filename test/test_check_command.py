@@ -144,7 +144,7 @@ def test_without_sync_the_load_is_that_of_the_event_timer(capsys):
     ('bits: 16, signed: true', 'bits: 12, signed: false', '"value.bits" is 12, but object 0x7130 sub 1'),
     ('signed: true', 'signed: false', '"value.signed" is false, but in the EDS object 0x7130 sub 1'),
     ('signed: true', 'signed: true, byte_order: big', '"value.byte_order" is big, but object 0x7130 sub 1'),
-    ('cob_id: 1, sub: 4', 'cob_id: 1, sub: 3', '8 objects are mapped twice; the first is 0x7130 sub 4')])
+    ('cob_id: 1, sub: 4', 'cob_id: 1, sub: 3', 'object 0x7130 sub 4 is mapped in tpdos[0] (TPDO 1) and')])
 def test_fields_that_contradict_their_objects_are_a_warning(tmp_path, capsys, old, new, words):
     """Object 0x7130 has signed numbers of 16 bits. Two TPDOs of four objects carry each row of eight taxels."""
     written = (CONFIG / 'sim8x8_16bit.yaml').read_text(encoding='utf-8').replace('offset: 30000', 'offset: 300')

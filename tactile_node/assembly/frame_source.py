@@ -14,8 +14,10 @@ OnFrame = Callable[[str, TaxelFrame], None]
 
 
 class FrameSource(Protocol):
-    """Source of taxel frames. A source calls ``on_frame`` with each taxel frame: a bus on the chain thread of the
-    process, a log on its own thread."""
+    """Source of taxel frames.
+
+    A source calls ``on_frame`` with each taxel frame: a bus on the chain thread of the process, a log on its own thread.
+    """
 
     def open(self) -> None:
         """Open the bus or the log.

@@ -35,13 +35,15 @@ def field_hints(layout: SkinLayout, dictionary: ObjectDictionary | None) -> list
     dictionary
         Object dictionary from the EDS, or None if it cannot be read. Without it, the sign is not checked.
     """
-    tpdos, value = [tpdo for tpdo in layout.tpdos if not tpdo.is_multiplexed], layout.value
+    value = layout.value
+    tpdos = [tpdo for tpdo in layout.tpdos if not tpdo.is_multiplexed]
     carried = [each for tpdo in tpdos for each in _carried_alone(tpdo, value.bits)]
     wider = [each for each in carried if each.mapped.bits > value.bits]
     whole = [each for each in carried if each.mapped.bits == value.bits]
     of_other_sign = [] if dictionary is None else [
         each for each in whole if _is_signed(dictionary, each.mapped) not in (None, value.signed)]
-    repeated, found = _repeated(tpdos), []
+    repeated = _repeated(tpdos)
+    found = []
     if wider:
         found.append(f'"value.bits" is {value.bits}, but {wider[0]} has {wider[0].mapped.bits} bits. Write '
                      f'bits: {wider[0].mapped.bits}, unless the other bits do not belong to the value')
@@ -54,9 +56,9 @@ def field_hints(layout: SkinLayout, dictionary: ObjectDictionary | None) -> list
                      f'{"unsigned" if value.signed else "signed"}. Correct "signed", unless the EDS is wrong')
     if repeated:
         mapped, first, second = repeated[0]
-        found.append(f'{len(repeated)} objects are mapped twice; the first is 0x{mapped.index:04X} sub '
-                     f'{mapped.subindex}, in {first} and in {second}. Correct "map", unless the device sends an object '
-                     'twice')
+        more = f', and {len(repeated) - 1} more are mapped twice' if len(repeated) > 1 else ''
+        found.append(f'object 0x{mapped.index:04X} sub {mapped.subindex} is mapped in {first} and in {second}{more}. '
+                     'Correct "map", unless the device sends an object twice')
     return found
 
 
