@@ -16,7 +16,8 @@ OnFrame = Callable[[str, TaxelFrame], None]
 class FrameSource(Protocol):
     """Source of taxel frames.
 
-    A source calls ``on_frame`` with each taxel frame: a bus on the chain thread of the process, a log on its own thread.
+    A source calls ``on_frame`` with each taxel frame. A bus calls it on the chain thread of the process, and a log on
+    its own thread.
     """
 
     def open(self) -> None:
