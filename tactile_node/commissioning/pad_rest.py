@@ -44,10 +44,15 @@ def measure_rest(frames: PadFrames) -> PadRest | None:
 
 
 def was_touched(frames: PadFrames) -> bool:
-    """Return True if several taxels have changed at once by more than noise and drift explain."""
-    gap = max(round(TOUCH_TIME * frames.rate), 1)
+    """Return True if several taxels have changed at once by more than noise and drift explain.
+
+    The result is False for fewer than LEAST_FRAMES complete frames.
+    """
     forces = frames.forces[:, np.isfinite(frames.mean)]
     forces = forces[np.isfinite(forces).all(1)]  # complete frames
+    if len(forces) < LEAST_FRAMES:
+        return False
+    gap = max(round(TOUCH_TIME * frames.rate), 1)
     # median of the differences of two frames, which a short touch does not change: 0.95 standard deviations
     noise = np.median(np.abs(np.diff(forces, axis=0)), axis=0) / 0.95
     is_changed = np.abs(forces[gap:] - forces[:-gap]) > np.maximum(TOUCH_STEP, TOUCH_NOISES * noise)
