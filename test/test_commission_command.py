@@ -334,7 +334,7 @@ def test_a_person_commissions_a_simulated_gripper(tmp_path, monkeypatch, truth, 
     assert steps.keys() == {'plan', 'rest', 'pads', 'first movement', 'stops', 'foam'}
     assert steps['pads']['order'] == [truth == 'swapped', truth != 'swapped']
     assert steps['pads']['mountings'] == [[0, truth == 'mirrored'], [2, False]]
-    assert steps['rest']['serial_numbers'] == ['32', '64']
+    assert steps['rest']['serial_numbers'] == (['64', '32'] if truth == 'swapped' else ['32', '64'])
     assert steps['first movement']['opens_rising'] is True
     trials = [StopTrial(*each) for way in steps['stops']['trials'].values() for each in way]
     assert len(trials) == 9 and all(trial.is_stopped for trial in trials)
