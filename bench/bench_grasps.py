@@ -128,19 +128,24 @@ def report(found: dict, args: argparse.Namespace) -> None:
         rows[name] = [[sum(found[(column, *start)]['end'] == end for start in of_item) for end in ENDS]
                       for column in args.columns]
         if of_item:
-            print(f'{name:20}' + ''.join(f'{_share(counts[0], len(of_item)):>18}'
+            print(f'{name:20}' + ''.join(f'{share(counts[0], len(of_item)):>18}'
                                          f'{", ".join(map(str, counts[1:])):>16}' for counts in rows[name]))
     for first, second in combinations(args.columns, 2):
         pairs = [tuple(found[(column, *start)]['end'] == 'held' for column in (first, second)) for start in starts]
-        only = pairs.count((True, False)), pairs.count((False, True))
-        p = binomtest(only[0], sum(only)).pvalue if sum(only) else 1.0
-        print(f'only {first} holds {only[0]}, only {second} holds {only[1]}: p = {p:.2g} (McNemar, exact)')
+        print(comparison(first, second, pairs))
     for column in args.columns:
         _print_numbers(column, [found[(column, *start)] for start in starts])
     _draw(rows, args, args.output.with_suffix('.png'))
 
 
-def _share(count: int, total: int) -> str:
+def comparison(first: str, second: str, pairs: list[tuple[bool, ...]]) -> str:
+    """Compare two columns; ``pairs`` contains for each start whether the item was held in the columns."""
+    only = pairs.count((True, False)), pairs.count((False, True))
+    p = binomtest(only[0], sum(only)).pvalue if sum(only) else 1.0
+    return f'only {first} holds {only[0]}, only {second} holds {only[1]}: p = {p:.2g} (McNemar, exact)'
+
+
+def share(count: int, total: int) -> str:
     interval = binomtest(count, total).proportion_ci(method='wilson')
     return f'{count}/{total} ({100 * interval.low:.0f}-{100 * interval.high:.0f})'
 

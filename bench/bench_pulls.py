@@ -22,10 +22,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'examples'), str(ROOT / 'test'), str(Path(__file__).parent)]
 
 import numpy as np
-from bench_grasps import start_of
+from bench_grasps import comparison, read, share, start_of
 from bench_lifts import AFTER, LIFT
 from lockstep_gripper import LockstepGripper
-from scipy.stats import binomtest
 
 from examples.simulated_gripper.drive import Command
 from examples.simulated_gripper.items import ITEMS
@@ -83,15 +82,12 @@ def report(found: dict[tuple[str, str, int], dict], seeds: range) -> None:
     for column in COLUMNS if starts else ():
         records = [found[column, name, seed] for name, seed in starts]
         held = [each['slid_mm'] for each in records if each['end'] == 'held']
-        low, high = (100 * limit for limit in binomtest(len(held), len(starts)).proportion_ci(method='wilson'))
         ends = [each['end'] for each in records]
-        print(f'{column}: {len(held)} of {len(starts)} held ({low:.0f}-{high:.0f} %), {ends.count("dropped")} dropped, '
+        print(f'{column}: {share(len(held), len(starts))} held (95 %), {ends.count("dropped")} dropped, '
               f'{ends.count("broken")} broken, {ends.count("gave up")} gave up; '
               f'{sum(each < SHORT for each in held)} held and slid by less than {SHORT:g} mm')
     pairs = [tuple(found[column, name, seed]['end'] == 'held' for column in COLUMNS) for name, seed in starts]
-    only = pairs.count((True, False)), pairs.count((False, True))
-    p = binomtest(only[0], sum(only)).pvalue if sum(only) else 1.0
-    print(f'only touch holds {only[0]}, only hold holds {only[1]}: p = {p:.2g} (McNemar, exact)')
+    print(comparison(*COLUMNS, pairs))
 
 
 def main() -> None:
@@ -100,8 +96,7 @@ def main() -> None:
     parser.add_argument('--output', type=Path, default=ROOT / 'build/grasps/pulls.jsonl', metavar='FILE')
     args = parser.parse_args()
     args.output.parent.mkdir(parents=True, exist_ok=True)
-    lines = args.output.read_text(encoding='utf-8').splitlines() if args.output.exists() else []
-    found = {(each['column'], each['item'], each['seed']): each for each in map(json.loads, lines)}
+    found = read(args.output)
     with args.output.open('a', encoding='utf-8') as file:
         for seed in range(args.starts):
             for name in ITEMS:

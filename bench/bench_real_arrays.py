@@ -9,8 +9,8 @@ aidanmohammed-ali/Tactile-Skin. The script prints one line for each missing copy
 visible class on one array. The intervals are computed by bootstrap over objects, so that all pads of a grasp stay
 together. The blocks are one object. Their intervals are computed over the frames, and are therefore too narrow.
 
-The frames of the blocks are read in three ways: each frame as a file of its own, all frames with an idle frame of zeros
-before each, and all frames as one stream.
+The script reads the frames of the blocks in three ways: each frame as a separate file, all frames as one stream, and
+all frames as one stream in which a frame of zeros precedes each frame.
 """
 
 import argparse
@@ -26,7 +26,9 @@ sys.path.insert(0, str(ROOT))
 
 from bench.recognition.figures import calibration_error
 from bench.recognition.page import Table
+from bench.recognition.readings import after_idle, alone, stream
 from bench.recognition.real_frames import (
+    BLOCK_PAD,
     BLOCKS,
     LABELS,
     TEKSCAN,
@@ -44,6 +46,7 @@ from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
 
 SURE = 0.9
+IDLE = np.zeros(BLOCK_PAD)  #: Frame of the blocks' array without a contact.
 WITHOUT_SHAPE = ('foreign', 'none')  #: Labels for which any of the five shapes is a wrong answer.
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}
 SEED, DRAWS = 20_261_123, 2000
@@ -80,13 +83,8 @@ def answers(labelled: list[Labelled], data: Path, weights: str, network: bool) -
 
 def block_answers(frames: list[np.ndarray], weights: str, network: bool) -> dict[str, list[Answer]]:
     """Return the answers for frames of a square block, for each of the three ways to read the frames."""
-    one_stream, with_idle = PatternExtractor(), PatternExtractor()
-    patterns = {'a file each': [], 'an idle frame before each': [], 'one stream': []}
-    for frame in frames:
-        patterns['a file each'].append(PatternExtractor().extract(frame))
-        with_idle.extract(np.zeros_like(frame))
-        patterns['an idle frame before each'].append(with_idle.extract(frame))
-        patterns['one stream'].append(one_stream.extract(frame))
+    patterns = {'a file each': alone(frames), 'an idle frame before each': after_idle(frames, lambda: IDLE),
+                'one stream': stream(frames)}
     found = {}
     for way, of_way in patterns.items():
         recogniser = _recogniser(weights, network)

@@ -1,6 +1,6 @@
 """Convert a bag with the topics of a skin to a LeRobot v3 data set, load the data set again, and compare it.
 
-    pip install lerobot==0.4.4 '.[bag]'     # in an environment of its own, because LeRobot requires exact versions
+    pip install lerobot==0.4.4 '.[bag]'     # in a separate environment, because LeRobot requires exact versions
     python examples/lerobot_dataset.py BAG FOLDER [--fps 30] [--window 4] [--task TEXT]
 
 The bag needs <pad>/taxels, and may contain <pad>/shape, <pad>/events and grasp. The data set has no column for a topic
@@ -156,7 +156,7 @@ def read(bag: Path) -> Recording:
     kinds = [kind for kind in reader.topics.values() if types.get(kind) == 'grasp']
     if len(kinds) > 1:
         raise LogError(str(bag), expected='the grasps of one gripper', got=f'{len(kinds)} topics with grasps',
-                       remedy='Record each gripper in a bag of its own.')
+                       remedy='Record each gripper in a separate bag.')
     found: dict[str, list[tuple[int, Any]]] = {
         topic_of(pad_of(topic), types[kind]): [] for topic, kind in reader.topics.items() if kind in types}
     for message in reader.messages(types):
@@ -291,7 +291,7 @@ def main() -> int:
     try:
         if find_spec('lerobot') is None:
             raise ConfigurationError('Python environment', expected='LeRobot', got=f'no lerobot in {sys.prefix}',
-                                     remedy='Install it in an environment of its own, as docs/recordings.md shows, and '
+                                     remedy='Install it in a separate environment, as docs/recordings.md shows, and '
                                      'run this example with the python of that environment.')
         if args.folder.exists():
             raise InputError(f'output {str(args.folder)!r}', expected='a folder that does not exist',

@@ -1,6 +1,6 @@
 """Convert a bag with the topics of a skin to a recording of Rerun, with pads, outlines, forces and the grasp.
 
-    pip install rerun-sdk==0.41.0 '.[bag]'     # in an environment of its own; LeRobot needs an older Rerun
+    pip install rerun-sdk==0.41.0 '.[bag]'     # in a separate environment; LeRobot needs an older Rerun
     python examples/rerun_bag.py BAG skin.rrd
     rerun skin.rrd
 
@@ -27,7 +27,7 @@ try:
     import rerun as rr
     import rerun.blueprint as rrb
 except ModuleNotFoundError as error:
-    sys.exit(f'rerun_bag: expected Rerun, got: {error}. Install Rerun in an environment of its own, as docs/viewers.md '
+    sys.exit(f'rerun_bag: expected Rerun, got: {error}. Install Rerun in a separate environment, as docs/viewers.md '
              'shows, and run this example with the python of that environment.')
 
 NUMBERS = ('width', 'offset', 'grip_force')  #: fields of Grasp [m, m, N]

@@ -13,9 +13,10 @@ from scipy import ndimage
 from bench.recognition.cases import seeded
 from bench.recognition.figures import PercentRate
 from bench.recognition.page import Table
+from bench.recognition.readings import after_idle, alone, stream
 from tactile_node import Recogniser
 from tactile_node.contact.neighbours import grown
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.pattern import ContactPattern
 from tactile_node.simulator.figures import coverage
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.ground_truth.seeds import Purpose
@@ -110,36 +111,14 @@ class OfSkins(NamedTuple):
     wrong: PercentRate  #: contacts with a sure name that is wrong
 
 
-def _alone(skin: HaloSkin, frames: list[np.ndarray], gains: np.ndarray) -> list[ContactPattern]:
-    return [PatternExtractor().extract(frame) for frame in frames]
-
-
-def _after_idle(skin: HaloSkin, frames: list[np.ndarray], gains: np.ndarray) -> list[ContactPattern]:
-    extractor, found = PatternExtractor(), []
-    for frame in frames:
-        extractor.extract(skin.idle())
-        found.append(extractor.extract(frame))
-    return found
-
-
-def _stream(skin: HaloSkin, frames: list[np.ndarray], gains: np.ndarray) -> list[ContactPattern]:
-    extractor = PatternExtractor()
-    return [extractor.extract(frame) for frame in frames]
-
-
-def _tared(skin: HaloSkin, frames: list[np.ndarray], gains: np.ndarray) -> list[ContactPattern]:
-    return [PatternExtractor().extract(frame - skin.rest) for frame in frames]
-
-
-def _corrected(skin: HaloSkin, frames: list[np.ndarray], gains: np.ndarray) -> list[ContactPattern]:
-    return [PatternExtractor().extract((frame - skin.rest) / gains) for frame in frames]
-
-
 #: Ways of reading the frames of a skin, by name. Each function takes the skin, its frames (one contact in each) and the
 #: measured gains, and returns the pattern of each frame.
 READINGS: dict[str, Callable[[HaloSkin, list[np.ndarray], np.ndarray], list[ContactPattern]]] = {
-    'each frame alone': _alone, 'an idle frame before each': _after_idle, 'one stream': _stream,
-    'tared': _tared, 'tared, with gains': _corrected}
+    'each frame alone': lambda skin, frames, gains: alone(frames),
+    'an idle frame before each': lambda skin, frames, gains: after_idle(frames, skin.idle),
+    'one stream': lambda skin, frames, gains: stream(frames),
+    'tared': lambda skin, frames, gains: alone([frame - skin.rest for frame in frames]),
+    'tared, with gains': lambda skin, frames, gains: alone([(frame - skin.rest) / gains for frame in frames])}
 
 
 def measured(recogniser: Recogniser, skins: int, purpose: Purpose) -> Iterator[OfSkins]:

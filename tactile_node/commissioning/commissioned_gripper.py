@@ -55,6 +55,9 @@ class Act(Enum):
         return 'Press Enter to repeat this part' if self is Act.REPEAT else 'Press Enter when this is done'
 
 
+DIRECTIONS = 'opened', 'closed', 'not moved'  #: Choices of the question how the fingers have moved.
+
+
 class Question(NamedTuple):
     """A question to the person."""
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.commissioning.commissioned_gripper import Act, CommissionedGripper, Person, Question
+from tactile_node.commissioning.commissioned_gripper import DIRECTIONS, Act, CommissionedGripper, Person, Question
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.movement import NOISES, joint_noise
 from tactile_node.commissioning.plan import CommissioningPlan
@@ -154,7 +154,7 @@ class GuardedGripper:
     def stuck(self, where: str) -> RefusedStepError:
         """Ask why the joint states do not change, and return the error."""
         answer = self._person.ask(Question(Act.DIRECTION, 'The joint states do not change. How have the fingers moved?',
-                                           ('opened', 'closed', 'not moved')))
+                                           DIRECTIONS))
         if answer == 'not moved':
             return RefusedStepError(where, Mistake.EMERGENCY_STOP, expected='a movement', got='none',
                                     remedy='Release the emergency stop, and enable the gripper.')

@@ -21,7 +21,7 @@ from tactile_node.commissioning.block_grip import (
     repair,
     stiffness_of,
 )
-from tactile_node.commissioning.commissioned_gripper import Act, CommissionedGripper, Person, Question
+from tactile_node.commissioning.commissioned_gripper import DIRECTIONS, Act, CommissionedGripper, Person, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.force import Close, map_effort, predict_overshoot, remaining_share, safe_force
@@ -313,10 +313,10 @@ class CommissioningProcedure:
         self._gripper.consent(f'first movement{self._to(away.position)} and the way back, with an effort that rises, '
                               f'at most to {self._plan.most_effort:g}', away, TOUCHED, 2)
         effort = self._smallest_effort(away)
-        answer = self._ask(Act.DIRECTION, 'How have the fingers moved?', ('opened', 'closed', 'not moved'))
+        answer = self._ask(Act.DIRECTION, 'How have the fingers moved?', DIRECTIONS)
         effort = self._smallest_effort(away._replace(position=start, effort=effort))
         back = self._ask(Act.DIRECTION, 'The gripper has moved back. How have the fingers moved this time?',
-                         ('opened', 'closed', 'not moved'))
+                         DIRECTIONS)
         if answer == back == 'not moved':
             raise RefusedStepError('first movement', Mistake.OTHER_JOINT, expected='fingers that move with the joint',
                                    got='a joint that moves alone', remedy='Give the name of the joint of the gripper.')
