@@ -15,7 +15,7 @@ from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.methods import METHODS, completions, make_recogniser
 from tactile_node.shape.network import Network
 from tactile_node.shape.patch import SIDE, join_pieces, joined, make_patch
-from tactile_node.shape.recogniser import LOG_SIZES, Calibration, ShapeRecogniser
+from tactile_node.shape.recogniser import LOG_SIZES, OUTPUTS, Calibration, ShapeRecogniser
 from tactile_node.shape.recognition import DEFAULT_METHOD, LEARNED, VOLF, Recognition, Shape, UnknownReason
 from tactile_node.shape.support import as_far_as_supported
 from tactile_node.shape.volf import VolfClassifier
@@ -79,6 +79,36 @@ def test_calibration():
     warm, hot = (Calibration(t, biases + 50).probabilities(np.array([[1.0, 0, 0, 0, 0, 0]]), LOG_SIZES[:1])
                  for t in (0.5, 2.0))
     assert warm[0, 0] == pytest.approx(np.e ** 2 / (np.e ** 2 + 4)) and hot[0, 0] < warm[0, 0]
+
+
+class OneAnswer:
+    """A network that always gives the same shape a probability of almost 1."""
+
+    width = 1
+
+    def __init__(self, shape):
+        self._logits = np.array([30.0 * (output is shape) for output in OUTPUTS])
+
+    def embedding(self, images, geometry):
+        return np.zeros((len(images), 1))
+
+    def logits(self, embedding):
+        return np.tile(self._logits, (len(embedding), 1))
+
+
+@pytest.mark.parametrize('side, share', [(2, 0.0), (4, 16 / (80 + 16)), (8, 64 / (80 + 64)), (12, 0.5)])
+def test_pressures_are_recognised_by_both_networks_and_the_outline_of_a_larger_contact_has_more_weight(side, share):
+    both = ShapeRecogniser({'graded': OneAnswer(Shape.CIRCLE), 'on_off': OneAnswer(Shape.SQUARE)},
+                           dict.fromkeys(('graded', 'on_off'), Calibration(1.0, np.full(len(LOG_SIZES), 50.0))))
+    frame = np.zeros((20, 20))
+    frame[4:4 + side, 4:4 + side] = np.linspace(0.8, 1.0, side)
+    found = both.recognise(ContactPattern.of(frame > 0, frame)).probabilities
+    assert found[Shape.SQUARE] == pytest.approx(share, abs=1e-4)
+    assert found[Shape.CIRCLE] == pytest.approx(1 - share, abs=1e-4)
+    pressed = (frame > 0).astype(float)
+    on_off = both.recognise(ContactPattern.of(frame > 0, pressed))
+    assert on_off.shape is (Shape.UNKNOWN if side == 2 else Shape.SQUARE), 'on/off taxels have no second answer'
+    assert side == 2 or on_off.probabilities[Shape.CIRCLE] < 1e-4
 
 
 @pytest.mark.parametrize('turned', [lambda a: a[::-1], lambda a: a[:, ::-1], lambda a: a.T, np.rot90])

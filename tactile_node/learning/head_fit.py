@@ -15,7 +15,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.package_files import config_path
 from tactile_node.shape.invariants import LOG_TAXELS
 from tactile_node.shape.patch import SIDE, Patch
-from tactile_node.shape.recogniser import KINDS, OUTPUTS, ShapeRecogniser, read_arrays
+from tactile_node.shape.recogniser import KINDS, OUTPUTS, ShapeRecogniser, geometry_of, read_arrays
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.taught import Head
 from tactile_node.taxel_frame import read_only
@@ -115,8 +115,9 @@ def seen_by(recogniser: ShapeRecogniser, patches: Sequence[Patch]) -> Seen:
     kind = KINDS[patches[0].graded]
     parts = []
     for first in range(0, len(patches), CHUNK_PATCHES):
-        embedding, geometry = recogniser.embedding(patches[first:first + CHUNK_PATCHES])
-        log_taxels = geometry[:, LOG_TAXELS]
+        chunk = patches[first:first + CHUNK_PATCHES]
+        geometry = geometry_of(chunk)
+        embedding, log_taxels = recogniser.embedding(chunk, geometry), geometry[:, LOG_TAXELS]
         parts.append((embedding, log_taxels, recogniser.known(kind, embedding, log_taxels)))
     return Seen(*(np.concatenate(arrays) for arrays in zip(*parts)))
 
