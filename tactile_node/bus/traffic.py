@@ -13,8 +13,7 @@ from tactile_node.assembly.free_bus import SyncPause
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router, non_data_kind
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusNetwork, OnFailure
-from tactile_node.bus.reception import Batch
+from tactile_node.bus.bus_network import Batch, BusNetwork, OnFailure
 from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
