@@ -18,20 +18,13 @@ from tactile_node.nodes.run import run_node
 from tactile_node.nodes.stage import StageInput, StageNode, StageOutput, Stages
 from tactile_node.nodes.view_topics import TaxelViews
 from tactile_node.pose.pipeline import ContactPipeline
-from tactile_node.ros.contact_messages import (
-    PadContact,
-    PadFrame,
-    contact_message,
-    features_message,
-    find_in,
-    pad_frame_of,
-)
+from tactile_node.ros.contact_messages import PadContact, PadFrame, contact_message, features_message, pad_frame_of
 from tactile_node.ros.message_age import Arrival, age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import declare, follow_changes, read
 from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import ProcessorSettings
-from tactile_node.taxel_frame import PRESS_BY_UNIT
+from tactile_node.taxel_frame import PRESS_BY_UNIT, TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 
 logger = logging.getLogger(__name__)
@@ -88,7 +81,9 @@ class ProcessorNode(StageNode):
         if unit in self._scales and (error := self._scales[unit].doubt(values)):
             logger.warning('%s: %s', self._taxels.topic, error, extra=of_node(self, fact=error))
             self._scales = {}  # the warning is logged only once
-        contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
+        found = self._pipeline.find(values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED,
+                                    unmapped=frame.status == TaxelStatus.UNMAPPED)
+        contact = PadContact.of(frame, found, self._taxels.left_out)
         self._contacts.send(contact, arrival.acquired)
         if self._views.is_wanted or self._features.is_wanted:
             self._taxels.postpone(lambda: self._publish_more(contact, arrival), arrival)
