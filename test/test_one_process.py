@@ -83,13 +83,7 @@ class Process:
         """Pass a frame of each pad to the processors on the chain thread, as the driver does."""
         self.sequence += 1
         for pad in pads:
-            self.chain.post(self._feed, self.input(f'/{pad}/processor'), pad_frame(self.sequence, **drawn),
-                            time.monotonic())
-
-    @staticmethod
-    def _feed(taxels, frame, acquired):
-        taxels.announce(frame)
-        taxels.feed(frame, acquired)
+            self.chain.post(self.input(f'/{pad}/processor').feed, pad_frame(self.sequence, **drawn), time.monotonic())
 
 
 def pad_frame(sequence, press=True, up=0, saturated=False):
@@ -165,7 +159,7 @@ def test_each_of_two_frames_that_wait_together_has_its_own_age():
         until(lambda: (process.send(['left']), time.sleep(PERIOD), len(contacts) > 0)[-1])
         go, sent, apart = blocked(process.chain), process.sequence, 1000.0
         for number, before in ((1, apart), (2, 0.0)):
-            process.chain.post(process._feed, taxels, pad_frame(sent + number), time.monotonic() - before)
+            process.chain.post(taxels.feed, pad_frame(sent + number), time.monotonic() - before)
         go.set()
         until(lambda: contacts[-1].sequence == sent + 2)
     first, second = (age_seconds(message.age) for message in contacts[-2:])

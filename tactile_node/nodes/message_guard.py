@@ -5,7 +5,7 @@ import math
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from typing import Any, Generic, Protocol, TypeAlias, TypeGuard
+from typing import Any, Generic, Protocol, TypeAlias
 
 from rclpy.node import Node
 
@@ -85,8 +85,9 @@ class MessageGuard(Generic[Message]):
         self._dropped: Counter[RejectReason] = Counter()
         self._throttles: defaultdict[RejectReason, LogThrottle] = defaultdict(LogThrottle)
         self._kind_is_of_chain = all(hasattr(kind, field) for field in ('header', 'age', 'sequence'))
-        self._stamps = None if lossless else StampGuard()
-        self._sources = None if lossless else SourceGuard()
+        self._follows_sender = self._kind_is_of_chain and not lossless
+        self._stamps = StampGuard()
+        self._sources = SourceGuard()
         self._age = InputAge(lossless=lossless, steady=steady)
         self._arrival: Arrival | None = None  # arrival of the last message that was used
         self._sequence: int | None = None  # sequence number of the last message that was used
@@ -143,7 +144,7 @@ class MessageGuard(Generic[Message]):
         self._received += 1
         try:
             reason = (self._check_type(message) or (self._check(message) if acquired is None else None)
-                      or self._check_stamp(message) or self._check_source(message))
+                      or self._check_sender(message))
             if reason is None:
                 self._note(message, acquired)
                 return True
@@ -176,16 +177,13 @@ class MessageGuard(Generic[Message]):
             raise error
         self._drop(RejectReason.PROCESSING_FAILED, error)
 
-    def _is_of_chain(self, message: object) -> TypeGuard[ChainMessage]:
-        return self._kind_is_of_chain
-
-    def _check_type(self, message: Message) -> RejectReason | None:
+    def _check_type(self, message: ChainMessage) -> RejectReason | None:
         """Return OTHER_TYPE if a publisher uses another version of the message type.
 
         The types are read again only if the publishers may have changed: if their number differs, or if the sequence
         has a gap.
         """
-        if not self._is_of_chain(message):
+        if not self._kind_is_of_chain:
             return None
         is_next = self._sequence is not None and message.sequence == self._sequence + 1
         if self.publishers != self._typed_publishers or not is_next:
@@ -193,22 +191,19 @@ class MessageGuard(Generic[Message]):
             self._other_types = publishers_of_other_type(self._node, self.topic)
         return RejectReason.OTHER_TYPE if self._other_types else None
 
-    def _check_stamp(self, message: Message) -> RejectReason | None:
-        if self._stamps is None or not self._is_of_chain(message):
+    def _check_sender(self, message: ChainMessage) -> RejectReason | None:
+        """Return STAMP_AHEAD if the stamp is too far ahead, or OTHER_SOURCE if two sources send."""
+        if not self._follows_sender:
             return None
-        is_accepted = self._stamps.accepts(self._steady(), seconds(message.header.stamp))
-        return None if is_accepted else RejectReason.STAMP_AHEAD
-
-    def _check_source(self, message: Message) -> RejectReason | None:
-        if self._sources is None or not self._is_of_chain(message):
-            return None
-        is_accepted = self._sources.accepts(self._steady(), message.sequence, seconds(message.header.stamp),
-                                            _left_out_before(message))
+        now, stamp = self._steady(), seconds(message.header.stamp)
+        if not self._stamps.accepts(now, stamp):
+            return RejectReason.STAMP_AHEAD
+        is_accepted = self._sources.accepts(now, message.sequence, stamp, _left_out_before(message))
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
-    def _note(self, message: Message, acquired: float | None) -> None:
+    def _note(self, message: ChainMessage, acquired: float | None) -> None:
         """Record the age and the sequence number of a message that is used."""
-        if not self._is_of_chain(message):
+        if not self._kind_is_of_chain:
             return
         now = self._steady()
         self._arrival = self._age.arrived(message) if acquired is None else Arrival(now, now - acquired)

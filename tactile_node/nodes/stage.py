@@ -10,11 +10,10 @@ import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rclpy.node import Node
 from rclpy.subscription import Subscription
-from std_msgs.msg import Header
 
 from tactile_node.chain import Chain, Step
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
@@ -30,17 +29,7 @@ LISTENING_PERIOD = 0.1
 STOP_TIMEOUT = 2.0  #: Longest time that the end of a node waits for a running call of the chain [s].
 
 
-class StageResult(Protocol):
-    """A result that a stage passes on. Like a message of the chain, the result belongs to one taxel frame."""
-
-    @property
-    def header(self) -> Header: ...
-
-    @property
-    def sequence(self) -> int: ...
-
-
-Result = TypeVar('Result', bound=StageResult)
+Result = TypeVar('Result')  #: A result of a stage, with the ``header`` and the ``sequence`` of its taxel frame.
 
 
 class Stages:
@@ -145,13 +134,10 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._listen()
         return super().health
 
-    def announce(self, result: Result) -> None:
-        """Record that ``result`` will be published and fed, so that its message is ignored if it comes back."""
-        self._is_fed = True
-        self._own.append(frame_key(result))
-
     def feed(self, result: Result, acquired: float) -> None:
         """Receive a result from a stage of this process, on the chain thread.
+
+        If the message of the result comes back over the topic, the chain takes it later and ignores it.
 
         Parameters
         ----------
@@ -160,6 +146,8 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         acquired : float
             Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
         """
+        self._is_fed = True
+        self._own.append(frame_key(result))
         self.attempt(self._look_for_others)
         if self.is_usable(result, acquired):
             self._receive(result)
@@ -269,13 +257,10 @@ class StageOutput(Generic[Result]):
         acquired : float
             Time when the taxels were acquired, on the steady clock [s].
         """
-        reader = self._stages.input_of(self.topic)
-        if reader is not None:
-            reader.announce(result)
         try:
             self._publisher.publish(lambda: self._message(result, acquired))
         finally:  # the next stage must get the result even if publishing the message fails
-            if reader is not None:
+            if (reader := self._stages.input_of(self.topic)) is not None:
                 reader.feed(result, acquired)
 
     def end(self) -> None:
