@@ -10,7 +10,7 @@ from typing import Any, Generic, Protocol, TypeAlias
 from rclpy.node import Node
 
 from tactile_node.bus.log_throttle import LogThrottle
-from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
+from tactile_node.ros.message_age import AgedMessage, InputAge
 from tactile_node.ros.message_checks import Check, Message, RejectReason
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
 from tactile_node.ros.rosout_handler import of_node
@@ -73,6 +73,10 @@ class MessageGuard(Generic[Message]):
         Full name of the topic.
     publishers : int
         Number of publishers of the topic at the last call of `count_publishers`.
+    acquired : float
+        Time when the taxels of the last usable message were acquired, on the steady clock [s]; -inf if not known.
+    arrived : float
+        Time when the last usable message arrived, on the steady clock [s].
     left_out : int
         Number of frames directly before the current message that were overtaken at this node or at an earlier node.
     """
@@ -89,7 +93,6 @@ class MessageGuard(Generic[Message]):
         self._stamps = StampGuard()
         self._sources = SourceGuard()
         self._age = InputAge(lossless=lossless, steady=steady)
-        self._arrival: Arrival | None = None  # arrival of the last message that was used
         self._sequence: int | None = None  # sequence number of the last message that was used
         self._stamp = 0.0  # stamp of the last message that was used, on the sender's clock [s]
         self._typed_publishers = 0  # number of publishers when their message types were last read
@@ -97,6 +100,7 @@ class MessageGuard(Generic[Message]):
         self._skipped = 0
         self._overtaken = 0
         self.publishers = 0
+        self.acquired = self.arrived = -math.inf
         self.left_out = 0
 
     @property
@@ -105,16 +109,9 @@ class MessageGuard(Generic[Message]):
         return MessageCounts(self._received, self._processed, dict(self._dropped), self._skipped, self._overtaken)
 
     @property
-    def arrival(self) -> Arrival:
-        """Arrival of the last usable message. Raises RuntimeError before the first message arrives."""
-        if self._arrival is None:
-            raise RuntimeError(f'{self.topic}: no message of the chain has arrived')
-        return self._arrival
-
-    @property
     def health(self) -> StreamHealth:
         """Message counts, age and stamp of the newest data, and the publishers of the topic."""
-        age = math.inf if self._arrival is None else self._arrival.age(self._steady())
+        age = self._steady() - self.acquired
         if not self._kind_is_of_chain:
             return StreamHealth(self.counts, age)
         stamps_offset = self._stamp + age - time.time() if age < math.inf else math.nan
@@ -202,11 +199,11 @@ class MessageGuard(Generic[Message]):
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
     def _note(self, message: ChainMessage, acquired: float | None) -> None:
-        """Record the age and the sequence number of a message that is used."""
+        """Record the times and the sequence number of a message that is used."""
         if not self._kind_is_of_chain:
             return
-        now = self._steady()
-        self._arrival = self._age.arrived(message) if acquired is None else Arrival(now, now - acquired)
+        self.arrived = self._steady()
+        self.acquired = self._age.arrived(message).acquired if acquired is None else acquired
         stamp = seconds(message.header.stamp)
         if self._sequence is not None:
             gap = message.sequence - self._sequence - 1

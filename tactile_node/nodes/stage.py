@@ -19,7 +19,7 @@ from tactile_node.chain import Chain, Step
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.ticker import Ticker
-from tactile_node.ros.message_age import Arrival, age_message
+from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
@@ -82,7 +82,8 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
     topic : str
         Name of the topic.
     accept : callable
-        Function that is called with each result and its arrival, on the chain thread.
+        Function that is called with each result and the time when its taxels were acquired, on the steady clock [s]
+        (-inf if not known). It runs on the chain thread.
     settings : ReceiverSettings
         Settings of the node.
     check : callable
@@ -105,7 +106,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         Topic of this stage's results, or None for the last stage of a pad.
     """
 
-    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result, Arrival], None],
+    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result, float], None],
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
@@ -116,8 +117,8 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         qos = settings.input_qos
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
-        # usable results that wait for ``step``, each after the results that it has overtaken, and with its arrival
-        self._waiting: deque[tuple[list[Result], Arrival]] = deque()
+        # usable results that wait for ``step``, each after the results that it has overtaken, and when it was acquired
+        self._waiting: deque[tuple[list[Result], float]] = deque()
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
@@ -157,9 +158,9 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._is_fed = False
         self._own.clear()
 
-    def postpone(self, publish: Callable[[], None], arrival: Arrival) -> None:
-        """Publish what only viewers need of the result with this arrival, when this no longer delays a shape."""
-        self._stages.chain.postpone(Step.SHOW, arrival.acquired, self.attempt, publish)
+    def postpone(self, publish: Callable[[], None], acquired: float) -> None:
+        """Publish what only viewers need of a result, when this no longer delays a shape."""
+        self._stages.chain.postpone(Step.SHOW, acquired, self.attempt, publish)
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
@@ -169,19 +170,19 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._stages.remove(self)
 
     def _receive(self, result: Result) -> None:
-        self._waiting.append(([result], self.arrival))
+        self._waiting.append(([result], self.acquired))
         if self._step is None:
             self._process_next()
         elif len(self._waiting) > self._most_waiting:
             overtaken, _ = self._waiting.popleft()
             self._waiting[0][0][:0] = overtaken  # the next result has overtaken these
         else:
-            self._stages.chain.postpone(self._step, self.arrival.acquired, self._process_next)
+            self._stages.chain.postpone(self._step, self.acquired, self._process_next)
 
     def _process_next(self) -> None:
         if self._waiting:
-            results, arrival = self._waiting.popleft()
-            self.process(results, lambda result: self._accept(result, arrival))
+            results, acquired = self._waiting.popleft()
+            self.process(results, lambda result: self._accept(result, acquired))
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
