@@ -15,13 +15,13 @@ import pytest
 from can_bench import serial_line
 from waiting import wait_until
 
-from tactile_node.assembly.free_bus import SyncPause
 from tactile_node.assembly.health import BusFault
 from tactile_node.bus import traffic as traffic_module
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import MOST_IN_BATCH, Batch, BusNetwork
 from tactile_node.bus.open_bus import open_bus
 from tactile_node.bus.socket_buffer import SocketBuffer
+from tactile_node.bus.sync_pause import SyncPause
 from tactile_node.bus.traffic import Traffic
 from tactile_node.viewing.node_record import BusRecord
 

@@ -9,12 +9,12 @@ from queue import Empty, SimpleQueue
 
 import can
 
-from tactile_node.assembly.free_bus import SyncPause
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router, non_data_kind
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import Batch, BusNetwork, OnFailure
 from tactile_node.bus.stamp_clock import StampClock
+from tactile_node.bus.sync_pause import SyncPause
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
