@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import pytest
 
-from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.facts import PadFacts
 from tactile_node.assembly.health import NodeFault, Overload, SyncFault
+from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.skin.pads import make_pads, with_dictionaries
@@ -55,7 +55,7 @@ def looks(sent: Callable[[float], int], answers: Callable[[int], bool] = lambda 
 def senders_of(heartbeats: Heartbeats) -> tuple[SenderWatch, PadFacts]:
     """Return the senders of node 32, and the counts of its pad before the first TPDO."""
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
-    return SenderWatch(node, heartbeats.of(32)), FrameAssembler(node.layout, (32,)).facts()
+    return SenderWatch(node, heartbeats.of(32)), SyncAssembler(node.layout, (32,)).facts()
 
 
 @pytest.mark.parametrize(('count', 'are_two'), [(1.0, False), (1.1, False), (2.0, True), (1.9, True)])
@@ -205,7 +205,7 @@ def test_a_stall_excuses_a_silence_but_endless_stalls_do_not(stalls, is_reported
     """A node falls silent after its first heartbeat while this process stalls for the times in ``stalls`` [s]."""
     bus = BusMonitor([32])
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
-    monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), FrameAssembler(node.layout, (32,)).facts()
+    monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), SyncAssembler(node.layout, (32,)).facts()
     now = time.monotonic()
     monitor.expect(now - 1.0)
     bus.heartbeats.feed(0x720, b'\x05')

@@ -7,7 +7,6 @@ from math import inf
 
 import can
 
-from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.frame_source import OnFrame
@@ -15,6 +14,7 @@ from tactile_node.assembly.free_bus import SLOW_BITRATE, FreeBus
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
+from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.cia301.objects import service_of
 from tactile_node.skin.pads import PadSettings
 
@@ -189,7 +189,7 @@ def _assembler(pad: PadSettings, one_clock: bool) -> PadAssembler:
         return DomainAssembler(pad.layout, pad.layout.domain, pad.node_ids[0])
     if (event := pad.layout.event_driven) is not None:
         return (SweepAssembler if event.is_sweeps else SnapshotAssembler)(pad.layout, event, pad.node_ids)
-    return FrameAssembler(pad.layout, pad.node_ids, one_clock)
+    return SyncAssembler(pad.layout, pad.node_ids, one_clock)
 
 
 def non_data_kind(message: can.Message) -> str | None:

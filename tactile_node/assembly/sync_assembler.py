@@ -88,7 +88,7 @@ from tactile_node.skin.layout import SkinLayout
 MOST_LATE = 0.02
 
 
-class FrameAssembler(PadAssembler):
+class SyncAssembler(PadAssembler):
     """The state machine of one pad whose TPDOs answer SYNC.
 
     Parameters
