@@ -192,7 +192,7 @@ def test_an_exception_of_a_stage_is_counted_and_the_other_stages_continue(monkey
     with Process() as process:
         failing, good = process.input('/left/classifier'), process.input('/right/classifier')
 
-        def fail(contact, arrival):
+        def fail(contact, acquired):
             raise ValueError('a stage that raises')
         monkeypatch.setattr(failing, '_accept', fail)
         for _ in range(10):
@@ -212,10 +212,10 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
         accept, begun, go = stage._accept, threading.Event(), threading.Event()
 
-        def block(contact, arrival):
+        def block(contact, acquired):
             begun.set()
             assert go.wait(TIMEOUT)
-            accept(contact, arrival)
+            accept(contact, acquired)
         monkeypatch.setattr(stage, '_accept', block)
         process.send()
         assert begun.wait(TIMEOUT)
@@ -254,7 +254,7 @@ def test_the_older_contact_of_two_waiting_pads_is_processed_first():
     with Process() as process:
         for pad in ('left', 'right'):
             process.input(f'/{pad}/classifier')._accept = (
-                lambda each, arrival, pad=pad: answered.append((pad, each.sequence)))
+                lambda each, acquired, pad=pad: answered.append((pad, each.sequence)))
         go = blocked(process.chain)
         for pad, sequence in (('left', 2), ('right', 1)):
             process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(sequence), PERIOD * sequence)
@@ -269,7 +269,7 @@ def test_messages_for_viewers_follow_the_shapes_of_both_pads():
     with Process() as process:
         go = blocked(process.chain)
         for pad in ('left', 'right'):
-            process.input(f'/{pad}/classifier')._accept = lambda each, arrival, pad=pad: made.append(f'shape of {pad}')
+            process.input(f'/{pad}/classifier')._accept = lambda each, acquired, pad=pad: made.append(f'shape of {pad}')
             process.nodes[f'/{pad}/processor']._views = SimpleNamespace(
                 is_wanted=True, publish=lambda contact, pad=pad: made.append(f'images of {pad}'))
             process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(1), PERIOD)
@@ -292,7 +292,7 @@ def test_a_chain_that_hangs_does_not_keep_the_grasp_fresh():
 def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
     """Without subscribers, 50 frames per second would each create a task and a closure that nobody needs."""
     postponed = []
-    monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish, arrival: postponed.append(stage.topic))
+    monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish, acquired: postponed.append(stage.topic))
     with Process() as process:
         stages = [process.input(name) for name in ('/left/processor', '/left/classifier')]
         until(lambda: (process.send(), time.sleep(PERIOD), all(each.counts.processed > 5 for each in stages))[-1])
@@ -388,7 +388,7 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
     system, begun, go = replaying(tmp_path / 'long.log'), threading.Event(), threading.Event()
     stage = next(node for node in system.nodes if node.get_name() == 'classifier')._contacts
 
-    def block(contact, arrival):
+    def block(contact, acquired):
         begun.set()
         go.wait(TIMEOUT)
     monkeypatch.setattr(stage, '_accept', block)

@@ -12,7 +12,8 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.stage import StageInput, StageNode, StageOutput, Stages
+from tactile_node.nodes.stage import StageInput, StageOutput, Stages
+from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.view_topics import ShapeView
 from tactile_node.pose.pipeline import DEFAULT_FUSION, ContactPipeline, StreamedContact
 from tactile_node.ros.contact_messages import PadContact, pad_contact_of

@@ -19,7 +19,8 @@ from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_transforms import publish_pad_frames
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.stage import StageInput, StageNode, Stages
+from tactile_node.nodes.stage import StageInput, Stages
+from tactile_node.nodes.stage_node import StageNode
 from tactile_node.ros.grasp_messages import grasp_message, side_result, sides_message
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
