@@ -75,8 +75,6 @@ class MessageGuard(Generic[Message]):
         Number of publishers of the topic at the last call of `count_publishers`.
     acquired : float
         Time when the taxels of the last usable message were acquired, on the steady clock [s]; -inf if not known.
-    arrived : float
-        Time when the last usable message arrived, on the steady clock [s].
     left_out : int
         Number of frames directly before the current message that were overtaken at this node or at an earlier node.
     """
@@ -100,7 +98,7 @@ class MessageGuard(Generic[Message]):
         self._skipped = 0
         self._overtaken = 0
         self.publishers = 0
-        self.acquired = self.arrived = -math.inf
+        self.acquired = -math.inf
         self.left_out = 0
 
     @property
@@ -199,10 +197,9 @@ class MessageGuard(Generic[Message]):
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
     def _note(self, message: ChainMessage, acquired: float | None) -> None:
-        """Record the times and the sequence number of a message that is used."""
+        """Record the time of acquisition and the sequence number of a message that is used."""
         if not self._kind_is_of_chain:
             return
-        self.arrived = self._steady()
         self.acquired = self._age.arrived(message).acquired if acquired is None else acquired
         stamp = seconds(message.header.stamp)
         if self._sequence is not None:
