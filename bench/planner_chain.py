@@ -6,7 +6,7 @@ from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import GapSource, Opening
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
 from tactile_node.pose.pipeline import ContactPipeline, Taxels
-from tactile_node.ros.contact_messages import PadFrame, find_in
+from tactile_node.ros.contact_messages import PadContact, PadFrame
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.shape_messages import pad_shape
@@ -31,7 +31,8 @@ class _Pad:
         self._sequence += 1
         frame = PadFrame.of(TaxelFrame(EPOCH + now, self._sequence, values, status, 0), self._taxels,
                             f'{self._name}_pad')
-        result = self._pipeline.recognise(find_in(frame, self._pipeline), EPOCH + now)
+        found = self._pipeline.find(frame.values, frame.taxels)
+        result = self._pipeline.recognise(PadContact.of(frame, found).found, EPOCH + now)
         return pad_shape(frame, result, 'learned', 0.0).complete_message
 
 

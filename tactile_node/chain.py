@@ -56,10 +56,9 @@ class Chain:
     def __init__(self, name: str = 'chain'):
         self._name = name
         self._calls: SimpleQueue[Call | None] = SimpleQueue()
-        # heaps of the time when the taxels were acquired, the step, a number and the call; only the chain thread uses
-        # them
-        self._urgent: list[tuple[float, Step, int, Call]] = []
-        self._postponed: list[tuple[float, Step, int, Call]] = []
+        # heap of the order of the calls: every FIND first, then the oldest taxels, then the earlier step, then the call
+        # that was postponed first; only the chain thread uses it
+        self._postponed: list[tuple[bool, float, Step, int, Call]] = []
         self._number = itertools.count()
         self._thread: threading.Thread | None = None
 
@@ -71,7 +70,7 @@ class Chain:
     def start(self) -> None:
         """Start the thread with an empty queue. If the previous thread is blocked in a call, it ends after the call."""
         self._calls = SimpleQueue()
-        self._urgent, self._postponed = [], []
+        self._postponed = []
         self._thread = ReportedThread(self._run, self._name, self._calls)
         self._thread.start()
 
@@ -110,8 +109,7 @@ class Chain:
         *args
             Its arguments.
         """
-        heap = self._urgent if step is Step.FIND else self._postponed
-        heapq.heappush(heap, (acquired, step, next(self._number), (call, args)))
+        heapq.heappush(self._postponed, (step is not Step.FIND, acquired, step, next(self._number), (call, args)))
 
     def wait_until_idle(self, timeout: float, *, with_postponed: bool = True) -> bool:
         """Wait until all calls posted so far, and everything that they postpone, have run.
@@ -148,9 +146,8 @@ class Chain:
                     return
                 call, args = posted
                 call_guarded(call, *args)
-            while self._urgent:
-                call, args = heapq.heappop(self._urgent)[-1]
+            is_find = True
+            while self._postponed and is_find:
+                _, _, step, _, (call, args) = heapq.heappop(self._postponed)
                 call_guarded(call, *args)
-            if self._postponed:
-                call, args = heapq.heappop(self._postponed)[-1]
-                call_guarded(call, *args)
+                is_find = step is Step.FIND

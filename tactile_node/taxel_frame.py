@@ -75,9 +75,20 @@ class TaxelFrame(NamedTuple):
     missing_can_frames: int  #: number of TPDOs of this period whose values are missing from the frame
     tpdo_ages: TpdoAges | None = None  #: None if all values come from one sweep
 
+    @property
+    def has_value(self) -> np.ndarray:
+        """True for each taxel with a value, bool (rows, cols)."""
+        return np.isin(self.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
 
-def without_any_value(frame: TaxelFrame) -> TaxelFrame:
-    """Return the frame with every value replaced by NaN and STALE."""
-    given = np.isin(frame.status, (TaxelStatus.VALID, TaxelStatus.SATURATED))
-    return frame._replace(values=read_only(np.full_like(frame.values, np.nan)),
-                          status=read_only(np.where(given, np.uint8(TaxelStatus.STALE), frame.status)))
+    def without(self, taxels: np.ndarray, status: np.ndarray | int = TaxelStatus.STALE) -> 'TaxelFrame':
+        """Return the frame without the values of some taxels.
+
+        Parameters
+        ----------
+        taxels : np.ndarray
+            True for each taxel whose value becomes NaN, bool (rows, cols).
+        status : np.ndarray or int
+            New `TaxelStatus` of these taxels: one for all, or (rows, cols).
+        """
+        return self._replace(values=read_only(np.where(taxels, np.float32(np.nan), self.values)),
+                             status=read_only(np.where(taxels, np.asarray(status, np.uint8), self.status)))

@@ -23,6 +23,41 @@ class ReportedThread(threading.Thread):
             self._on_death(error)
 
 
+class StoppableThread:
+    """A thread that can be started and stopped repeatedly.
+
+    Parameters
+    ----------
+    run : callable
+        Function of the thread. The function is called with an event and must return soon after the event is set.
+    name : str
+        Name of the thread.
+    on_death : callable
+        Function that is called with the exception that ends the thread.
+    """
+
+    def __init__(self, run: Callable[[threading.Event], None], name: str, on_death: OnDeath = lambda error: None):
+        self._run = run
+        self._name = name
+        self._on_death = on_death
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Start the thread, unless it is already running."""
+        if self._thread is None:
+            self._stopping.clear()
+            self._thread = ReportedThread(self._run, self._name, self._stopping, on_death=self._on_death)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Stop the thread and wait until it has ended. If the thread stops itself, the call does not wait."""
+        self._stopping.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join()
+        self._thread = None
+
+
 def call_guarded(call: Callable[..., object], *args: object) -> Exception | None:
     """Call a function. If the function raises an exception, log and return the exception."""
     try:

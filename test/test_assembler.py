@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from can_bench import TINY, Loss, is_balanced, only, tally, taxel_frames, telling, tiny_layout
 
-from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.free_bus import FreeBus
 from tactile_node.assembly.health import TpdoOrder
+from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 VALID, STALE, DEAD, SATURATED = TaxelStatus.VALID, TaxelStatus.STALE, TaxelStatus.DEAD, TaxelStatus.SATURATED
@@ -23,7 +23,7 @@ LONG = bool(os.environ.get('TACTILE_LONG'))
 
 @pytest.fixture
 def assembler(tmp_path):
-    return telling(FrameAssembler(tiny_layout(tmp_path), (1,)))
+    return telling(SyncAssembler(tiny_layout(tmp_path), (1,)))
 
 
 def send(assembler, *frames, at=0.5):
@@ -298,7 +298,7 @@ def test_a_bus_that_seemed_free_because_of_the_adapter_causes_no_wrong_stamp(ass
 
 
 def test_stamps_of_two_clocks_are_not_compared(tmp_path):
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False))
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path), (1,), one_clock=False))
     assembler.sync(1e9)
     check(send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=3.0), np.zeros((3, 2)))
 
@@ -381,7 +381,7 @@ def test_random_loss_and_delay_never_mixes_periods(tmp_path, loss, most_delayed,
     TPDOs are lost or delayed beyond later SYNCs, but they stay in order. Without losses, the assembler uses most late
     TPDOs.
     """
-    assembler = FrameAssembler(tiny_layout(tmp_path), (1,))
+    assembler = SyncAssembler(tiny_layout(tmp_path), (1,))
     rng = np.random.default_rng(5)
     backlog, results = [], []
     for period in range(3000):
@@ -412,7 +412,7 @@ def test_reordered_tpdos_are_counted_apart_and_never_joined(assembler):
 
 
 def test_incomplete_sweeps_can_be_dropped(tmp_path):
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path), (1,)), drop_incomplete=True)
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path), (1,)), drop_incomplete=True)
     assembler.sync(0)
     send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'))
     assert assembler.sync(1) == ()
@@ -447,7 +447,7 @@ def test_no_frame_is_wrong_after_any_loss_or_delay_of_one_period(tmp_path, perio
     """
     layout, fate_of_all = tiny_layout(tmp_path), list(fates(periods))
     for fate in fate_of_all[::step]:
-        assembler, frames = FrameAssembler(layout, (1,)), []
+        assembler, frames = SyncAssembler(layout, (1,)), []
         for period in range(periods + 6):
             sent = [(i % 3, i // 3) for i, comes in enumerate(fate) if comes == period]
             sent += [(row, period) for row in range(3)] if period >= periods else []
@@ -472,7 +472,7 @@ def test_tpdos_that_an_adapter_has_held_back_get_no_present_stamp(tmp_path, lost
 
     Sweep n is sampled at SYNC n, and each of its taxels has the value 2 * (n // 2).
     """
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path), (1,), one_clock=False))
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path), (1,), one_clock=False))
     waiting, frames = [], []
     for period in range(10 + 40 + 200):
         results = assembler.sync(float(period))
@@ -498,7 +498,7 @@ UNSORTED = TINY.replace('number: 1,', 'number: 8,')  # In row order, the TPDOs h
 @pytest.mark.parametrize('order', [(1, 0, 2), (0, 2, 1), (2, 1, 0), (1, 2, 0), (2, 0, 1)])
 def test_the_order_in_which_a_device_sends_is_named_and_no_two_periods_are_mixed(tmp_path, order):
     """In two of the tested orders, each period also looks like the end of one late sweep and the start of another."""
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path, UNSORTED), (1,)))
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path, UNSORTED), (1,)))
     frames = []
     for number in range(300):
         frames += taxel_frames(assembler.sync(number))
@@ -527,7 +527,7 @@ def test_a_device_that_is_late_by_part_of_a_sweep_has_the_order_of_the_layout(as
 
 def test_each_of_two_nodes_has_its_own_order(tmp_path):
     text = 'nodes: 2\n' + TINY.replace('{number: 3, ', '{node: 1, number: 3, ')
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path, text), (1, 2)))
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path, text), (1, 2)))
     for number in range(3):
         assembler.sync(number)
         for can_id in (ROW_2, 0x382, ROW_1):

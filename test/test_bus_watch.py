@@ -9,16 +9,16 @@ from dataclasses import replace
 
 import pytest
 
-from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.facts import PadFacts
 from tactile_node.assembly.health import NodeFault, Overload, SyncFault
+from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.cia301.heartbeat import Heartbeats
 from tactile_node.skin.pads import make_pads, with_dictionaries
 from tactile_node.sources.bus_watch import BusCounts, OverloadWatch, SyncWatch
 from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_state import fault_of
-from tactile_node.sources.node_traffic import NodeTraffic
+from tactile_node.sources.sender_watch import SenderWatch
 
 STEP = 0.02  # Time between two updates of the watches [s].
 DELAY = 0.5  # Delay [s].
@@ -42,20 +42,20 @@ def looks(sent: Callable[[float], int], answers: Callable[[int], bool] = lambda 
         Duration [s].
     """
     heartbeats = Heartbeats()
-    traffic, pad = traffic_of(heartbeats)
+    senders, pad = senders_of(heartbeats)
     seen = []
     for now in times(seconds):
         while (number := heartbeats.of(32).heartbeats) < sent(now):
             heartbeats.feed(0x720, b'\x85' if answers(number) else b'\x05')
-        traffic.look(now, False, pad, BusCounts(0), 0.1, DELAY)
-        seen.append((now, traffic.are_two))
+        senders.look(now, False, pad, BusCounts(0), 0.1, DELAY)
+        seen.append((now, senders.are_two))
     return seen
 
 
-def traffic_of(heartbeats: Heartbeats) -> tuple[NodeTraffic, PadFacts]:
-    """Return the traffic of node 32, and the counts of its pad before the first TPDO."""
+def senders_of(heartbeats: Heartbeats) -> tuple[SenderWatch, PadFacts]:
+    """Return the senders of node 32, and the counts of its pad before the first TPDO."""
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
-    return NodeTraffic(node, heartbeats.of(32)), FrameAssembler(node.layout, (32,)).facts()
+    return SenderWatch(node, heartbeats.of(32)), SyncAssembler(node.layout, (32,)).facts()
 
 
 @pytest.mark.parametrize(('count', 'are_two'), [(1.0, False), (1.1, False), (2.0, True), (1.9, True)])
@@ -81,14 +81,14 @@ def surplus(received: Callable[[float], list[int]], seconds: float = 5.0) -> lis
 
     SYNC has a period of 20 ms, and ``received(now)`` has the count of each of the first TPDOs.
     """
-    traffic, pad = traffic_of(Heartbeats())
+    senders, pad = senders_of(Heartbeats())
     found = []
     for now in times(seconds):
         syncs = int(now / 0.02)
-        traffic.look(now, True, replace(pad, syncs=syncs, distinct_by_tpdo=(tuple(received(now)),)), BusCounts(syncs),
+        senders.look(now, True, replace(pad, syncs=syncs, distinct_by_tpdo=(tuple(received(now)),)), BusCounts(syncs),
                      None, DELAY)
-        found.append(tuple(tpdo.number for tpdo in traffic.surplus))
-        assert bool(found[-1]) == traffic.are_two
+        found.append(tuple(tpdo.number for tpdo in senders.surplus))
+        assert bool(found[-1]) == senders.are_two
     return found
 
 
@@ -118,11 +118,11 @@ def test_lost_tpdos_do_not_prove_a_second_sender():
 
 
 def test_a_tpdo_is_missing_once_only_the_others_have_come_for_the_timeout():
-    traffic, pad = traffic_of(Heartbeats())
+    senders, pad = senders_of(Heartbeats())
     found = []
     for now, first, others in ((0.1, 1, 1), (0.5, 1, 5), (0.7, 1, 7), (0.8, 2, 8), (1.2, 2, 8), (1.4, 2, 8)):
-        traffic.look(now, True, replace(pad, fresh_by_tpdo=((first, *[others] * 15),)), BusCounts(0), None, DELAY)
-        found.append([tpdo.number for tpdo in traffic.missing])
+        senders.look(now, True, replace(pad, fresh_by_tpdo=((first, *[others] * 15),)), BusCounts(0), None, DELAY)
+        found.append([tpdo.number for tpdo in senders.missing])
     assert found == [[], [], [1], [], [], []]  # at the end, all TPDOs have stopped
 
 
@@ -205,7 +205,7 @@ def test_a_stall_excuses_a_silence_but_endless_stalls_do_not(stalls, is_reported
     """A node falls silent after its first heartbeat while this process stalls for the times in ``stalls`` [s]."""
     bus = BusMonitor([32])
     node = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], (32,)))[0].nodes[0]
-    monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), FrameAssembler(node.layout, (32,)).facts()
+    monitor, pad = NodeMonitor(node, bus, 0.5, 0.5), SyncAssembler(node.layout, (32,)).facts()
     now = time.monotonic()
     monitor.expect(now - 1.0)
     bus.heartbeats.feed(0x720, b'\x05')

@@ -15,7 +15,7 @@ import pytest
 from can_bench import Bench
 from waiting import wait_until
 
-from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.cli import record, replay, simulate
 from tactile_node.cli.main import main

@@ -18,7 +18,7 @@ from tactile_node.assembly.snapshot_assembler import SNAPSHOT_WAIT, SnapshotAsse
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.taxel_codec import without_values
-from tactile_node.taxel_frame import TaxelStatus, without_any_value
+from tactile_node.taxel_frame import TaxelStatus
 
 LONG = bool(os.environ.get('TACTILE_LONG'))
 T = 0.02
@@ -244,7 +244,7 @@ def test_ages_stay_with_a_frame_whose_values_are_taken_away(snapshots, tmp_path)
     """The driver removes the values of a node that was not configured and of a pad that is not valid."""
     frame = only(sweep(snapshots, 5.0, ranks=[2, 1, 0]))
     partly = without_values(frame, tiny_layout(tmp_path).tpdos[2:])
-    assert partly.tpdo_ages is frame.tpdo_ages and without_any_value(frame).tpdo_ages is frame.tpdo_ages
+    assert partly.tpdo_ages is frame.tpdo_ages and frame.without(frame.has_value).tpdo_ages is frame.tpdo_ages
 
 
 def test_the_fastest_tpdo_sets_the_pace_and_none_of_it_is_lost(snapshots):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from can_bench import Loss, only, telling, tiny_layout
 
-from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.facts import LossReason
+from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.taxel_frame import TaxelStatus
@@ -37,7 +37,7 @@ def feed(assembler, can_id, *frames):
 
 
 def test_rows_by_hand(tmp_path):
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path, ROWS), (1,)))
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path, ROWS), (1,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, '07010203') is None
     frame = feed(assembler, 0x190, '08040506')
@@ -49,7 +49,7 @@ def test_ten_bits_packed_and_falling_by_hand():
 
     The second taxel reads 100 (1023 - 341) Pa.
     """
-    assembler = telling(FrameAssembler(load_layout('rows12x5_10bit.yaml'), (5,)))
+    assembler = telling(SyncAssembler(load_layout('rows12x5_10bit.yaml'), (5,)))
     assembler.sync(0)
     for row in range(12):
         frame = feed(assembler, 0x185, f'{row:02X}' + ('FF57F5FFFFFF03' if row == 3 else 'FFFFFFFFFFFF03'))
@@ -64,7 +64,7 @@ def test_mpdos_by_hand(tmp_path):
     In byte 0, bit 7 is clear and the other bits are the node-ID. The next bytes are 0x2155 in little-endian order, the
     sub-index, and two signed counts.
     """
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path, MPDO), (5,)))
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path, MPDO), (5,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, '05552103E80318FC') is None
     assert feed(assembler, 0x190, '05552104' '0200FEFF').values.tolist() == [[500, -500], [1, -1]]
@@ -74,7 +74,7 @@ def test_mpdos_by_hand(tmp_path):
                                      '06552104' '02000300',  # from another node
                                      '05562104' '02000300', '05552105' '02000300'])
 def test_foreign_mpdos_are_counted_and_leave_their_taxels_stale(tmp_path, foreign):
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path, MPDO), (5,)))
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path, MPDO), (5,)))
     assembler.sync(0)
     feed(assembler, 0x190, '05552103' '01000100')
     assert feed(assembler, 0x190, foreign) == Loss(LossReason.UNKNOWN_ROW)
@@ -85,14 +85,14 @@ def test_foreign_mpdos_are_counted_and_leave_their_taxels_stale(tmp_path, foreig
 
 @pytest.mark.parametrize('data', ['', '05', '055521'])
 def test_too_short_to_tell_the_object(tmp_path, data):
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path, MPDO), (5,)))
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path, MPDO), (5,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, data) == Loss(LossReason.SHORT)
 
 
 def test_rows_of_two_periods_are_never_mixed(tmp_path):
     """Row 8 and the SYNC were lost, so the two messages of row 7 belong to two periods."""
-    assembler = telling(FrameAssembler(tiny_layout(tmp_path, ROWS), (1,)))
+    assembler = telling(SyncAssembler(tiny_layout(tmp_path, ROWS), (1,)))
     assembler.sync(0)
     assert feed(assembler, 0x190, '07010101', '07020202') == Loss(LossReason.LATE, 2)
     assert feed(assembler, 0x190, '08020202') == Loss(LossReason.LATE, 1)

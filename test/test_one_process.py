@@ -83,13 +83,7 @@ class Process:
         """Pass a frame of each pad to the processors on the chain thread, as the driver does."""
         self.sequence += 1
         for pad in pads:
-            self.chain.post(self._feed, self.input(f'/{pad}/processor'), pad_frame(self.sequence, **drawn),
-                            time.monotonic())
-
-    @staticmethod
-    def _feed(taxels, frame, acquired):
-        taxels.announce(frame)
-        taxels.feed(frame, acquired)
+            self.chain.post(self.input(f'/{pad}/processor').feed, pad_frame(self.sequence, **drawn), time.monotonic())
 
 
 def pad_frame(sequence, press=True, up=0, saturated=False):
@@ -165,7 +159,7 @@ def test_each_of_two_frames_that_wait_together_has_its_own_age():
         until(lambda: (process.send(['left']), time.sleep(PERIOD), len(contacts) > 0)[-1])
         go, sent, apart = blocked(process.chain), process.sequence, 1000.0
         for number, before in ((1, apart), (2, 0.0)):
-            process.chain.post(process._feed, taxels, pad_frame(sent + number), time.monotonic() - before)
+            process.chain.post(taxels.feed, pad_frame(sent + number), time.monotonic() - before)
         go.set()
         until(lambda: contacts[-1].sequence == sent + 2)
     first, second = (age_seconds(message.age) for message in contacts[-2:])
@@ -198,7 +192,7 @@ def test_an_exception_of_a_stage_is_counted_and_the_other_stages_continue(monkey
     with Process() as process:
         failing, good = process.input('/left/classifier'), process.input('/right/classifier')
 
-        def fail(contact, arrival):
+        def fail(contact, acquired):
             raise ValueError('a stage that raises')
         monkeypatch.setattr(failing, '_accept', fail)
         for _ in range(10):
@@ -218,10 +212,10 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
         accept, begun, go = stage._accept, threading.Event(), threading.Event()
 
-        def block(contact, arrival):
+        def block(contact, acquired):
             begun.set()
             assert go.wait(TIMEOUT)
-            accept(contact, arrival)
+            accept(contact, acquired)
         monkeypatch.setattr(stage, '_accept', block)
         process.send()
         assert begun.wait(TIMEOUT)
@@ -260,7 +254,7 @@ def test_the_older_contact_of_two_waiting_pads_is_processed_first():
     with Process() as process:
         for pad in ('left', 'right'):
             process.input(f'/{pad}/classifier')._accept = (
-                lambda each, arrival, pad=pad: answered.append((pad, each.sequence)))
+                lambda each, acquired, pad=pad: answered.append((pad, each.sequence)))
         go = blocked(process.chain)
         for pad, sequence in (('left', 2), ('right', 1)):
             process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(sequence), PERIOD * sequence)
@@ -275,7 +269,7 @@ def test_messages_for_viewers_follow_the_shapes_of_both_pads():
     with Process() as process:
         go = blocked(process.chain)
         for pad in ('left', 'right'):
-            process.input(f'/{pad}/classifier')._accept = lambda each, arrival, pad=pad: made.append(f'shape of {pad}')
+            process.input(f'/{pad}/classifier')._accept = lambda each, acquired, pad=pad: made.append(f'shape of {pad}')
             process.nodes[f'/{pad}/processor']._views = SimpleNamespace(
                 is_wanted=True, publish=lambda contact, pad=pad: made.append(f'images of {pad}'))
             process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(1), PERIOD)
@@ -298,7 +292,7 @@ def test_a_chain_that_hangs_does_not_keep_the_grasp_fresh():
 def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
     """Without subscribers, 50 frames per second would each create a task and a closure that nobody needs."""
     postponed = []
-    monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish, arrival: postponed.append(stage.topic))
+    monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish, acquired: postponed.append(stage.topic))
     with Process() as process:
         stages = [process.input(name) for name in ('/left/processor', '/left/classifier')]
         until(lambda: (process.send(), time.sleep(PERIOD), all(each.counts.processed > 5 for each in stages))[-1])
@@ -394,7 +388,7 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
     system, begun, go = replaying(tmp_path / 'long.log'), threading.Event(), threading.Event()
     stage = next(node for node in system.nodes if node.get_name() == 'classifier')._contacts
 
-    def block(contact, arrival):
+    def block(contact, acquired):
         begun.set()
         go.wait(TIMEOUT)
     monkeypatch.setattr(stage, '_accept', block)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_node.bus.change_pace import EARLY_ROUND, MOST_STATES, STATE_PERIOD, ChangePace
-from tactile_node.bus.threads import Schedule
+from tactile_node.bus.pacer import Schedule
 
 
 def times(delays, period=1.0, lasts=0.0):

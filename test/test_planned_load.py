@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import pytest
 
-from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.load import planned_load
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import make_pad

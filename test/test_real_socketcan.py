@@ -19,9 +19,9 @@ from captured_log import CapturedLog
 from waiting import wait_until
 
 from tactile_node.assembly.health import BusFault, Overload
-from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.bus.reception import Reception
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.bus.socket_buffer import WANTED_SIZE
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
@@ -168,7 +168,7 @@ def test_frames_of_a_stall_are_received_in_order_or_counted(size, sent, keeps_lo
     def receive(batch):
         batches.append(batch)
         assert keeps_lock or released.wait(LONGEST)
-    reception = Reception(bus, receive, lambda error: batches.append(error))
+    network = BusNetwork(bus, receive, lambda fault, error: batches.append(error))
     if size != WANTED_SIZE:
         bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
     with subprocess.Popen([sys.executable, '-ISc', SENDER], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as sender:
@@ -186,8 +186,7 @@ def test_frames_of_a_stall_are_received_in_order_or_counted(size, sent, keeps_lo
         assert wait_until(lambda: len(batches) > 1, LONGEST)
         sender.communicate(b'1\n', LONGEST)
     wait_until(lambda: sum(len(batch.messages) + batch.dropped for batch in batches) >= sent + 2, LONGEST)
-    reception.stop()
-    bus.shutdown()
+    network.close()
     numbers = [int.from_bytes(message.data, 'big') for batch in batches for message in batch.messages]
     dropped = sum(batch.dropped for batch in batches)
     print(f'\nsocketcan: buffer {size}: {sent} sent during a stall, {dropped} dropped by the kernel')

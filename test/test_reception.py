@@ -15,12 +15,13 @@ import pytest
 from can_bench import serial_line
 from waiting import wait_until
 
-from tactile_node.assembly.free_bus import SyncPause
+from tactile_node.assembly.health import BusFault
 from tactile_node.bus import traffic as traffic_module
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import open_bus
-from tactile_node.bus.reception import MOST_IN_BATCH, Batch, Reception
+from tactile_node.bus.bus_network import MOST_IN_BATCH, Batch, BusNetwork
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.bus.socket_buffer import SocketBuffer
+from tactile_node.bus.sync_pause import SyncPause
 from tactile_node.bus.traffic import Traffic
 from tactile_node.viewing.node_record import BusRecord
 
@@ -30,6 +31,8 @@ pytestmark = pytest.mark.bus
 class Script:
     """A bus that delivers ``messages`` one by one and then raises an error."""
 
+    channel_info = 'script'
+
     def __init__(self, messages):
         self._messages = list(messages)
 
@@ -38,13 +41,24 @@ class Script:
             raise can.CanOperationError('pulled out')
         return self._messages.pop(0)
 
+    def shutdown(self):
+        pass
+
+
+def network_on(bus, on_batch, errors):
+    """Return a network on ``bus`` that adds each failure of the reception to ``errors``."""
+    def failed(fault, error):
+        assert fault is BusFault.RECEPTION_FAILED
+        errors.append(error)
+    return BusNetwork(bus, on_batch, failed)
+
 
 def test_waiting_messages_form_one_batch_and_none_before_a_fault_is_lost():
     sent = [can.Message(arbitration_id=number, is_extended_id=False) for number in range(MOST_IN_BATCH + 10)]
     batches, errors = [], []
-    reception = Reception(Script(sent), batches.append, errors.append)
+    network = network_on(Script(sent), batches.append, errors)
     assert wait_until(lambda: errors)
-    reception.stop()
+    network.close()
     assert [len(batch.messages) for batch in batches] == [MOST_IN_BATCH, 10]
     assert [message for batch in batches for message in batch.messages] == sent
 
@@ -56,22 +70,22 @@ def test_an_exception_over_a_batch_is_logged_and_neither_ends_the_reception_nor_
     def stumble(batch):
         seen.append(batch)
         raise RuntimeError('a bug')
-    reception = Reception(Script(sent), stumble, errors.append)
+    network = network_on(Script(sent), stumble, errors)
     assert wait_until(lambda: errors)
-    reception.stop()
+    network.close()
     assert len(seen) == 2 and {type(error) for error in errors} == {can.CanOperationError}
     assert caplog.text.count('Traceback') == 2 and 'in stumble' in caplog.text
 
 
 def test_an_exception_of_the_assembler_is_logged_and_costs_one_call_alone(monkeypatch, caplog):
     bus = Clocked(monkeypatch, queue_limit=1)
-    saw_other = bus.traffic._router.bus.saw_other
-    monkeypatch.setattr(bus.traffic._router.bus, 'saw_other', lambda *given: 1 / 0)
+    saw_other = bus.traffic._router.free_bus.saw_other
+    monkeypatch.setattr(bus.traffic._router.free_bus, 'saw_other', lambda *given: 1 / 0)
     bus.received(1.0)
     done = threading.Event()
     bus.traffic.put(done.set)
     assert done.wait(60) and 'ZeroDivisionError' in caplog.text and 'Traceback' in caplog.text
-    monkeypatch.setattr(bus.traffic._router.bus, 'saw_other', saw_other)
+    monkeypatch.setattr(bus.traffic._router.free_bus, 'saw_other', saw_other)
     assert wait_until(bus.received(2.0))
     assert bus.traffic.overruns == 0  # The queue accepts messages again.
 
@@ -136,7 +150,7 @@ class Clocked:
         self.spans, self.steady = [], 1000.0
         monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
         bus = SimpleNamespace(saw_other=lambda stamp, seconds=None: self.spans.append(seconds))
-        router = SimpleNamespace(bus=bus, feed=lambda *frame: None)
+        router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None)
         monitor = BusMonitor([])
         self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True,
                                sync_period=0.02)
@@ -254,9 +268,9 @@ def test_a_single_fault_is_reported_after_all_earlier_messages():
                 raise message
             return message
     lost, batches, errors = can.CanOperationError('frames lost'), [], []
-    reception = Reception(Once([can.Message(), lost, can.Message(), None]), batches.append, errors.append)
+    network = network_on(Once([can.Message(), lost, can.Message(), None]), batches.append, errors)
     assert wait_until(lambda: len(batches) == 2)
-    reception.stop()
+    network.close()
     assert errors[0] is lost
 
 

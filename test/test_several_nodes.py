@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from can_bench import Loss, only, telling, tiny_layout
 
-from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.facts import LossReason
+from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.pads import PadSettings, check_pads, make_pads
 from tactile_node.taxel_frame import TaxelStatus
@@ -33,7 +33,7 @@ FIRST, SECOND = ((0x181, b'\x01\x02'), (0x281, b'\x03\x04')), ((0x185, b'\x05\x0
 
 @pytest.fixture
 def assembler(tmp_path):
-    return telling(FrameAssembler(tiny_layout(tmp_path, TWO), (1, 5)))
+    return telling(SyncAssembler(tiny_layout(tmp_path, TWO), (1, 5)))
 
 
 def feed(assembler, *frames, at=9.0):

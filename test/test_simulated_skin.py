@@ -19,7 +19,7 @@ from waiting import wait_until
 
 from tactile_node.assembly.facts import LossReason
 from tactile_node.bus import slcan_bus
-from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.cli.main import main
 from tactile_node.cli.tare import DEFAULT_WAIT

@@ -15,8 +15,7 @@ from waiting import wait_until
 from tactile_node.assembly.router import Router
 from tactile_node.bus import traffic
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusNetwork
-from tactile_node.bus.reception import Batch
+from tactile_node.bus.bus_network import Batch, BusNetwork
 from tactile_node.bus.traffic import Traffic
 from tactile_node.skin.pads import PadSettings
 

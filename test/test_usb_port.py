@@ -9,8 +9,9 @@ import pytest
 from serial.tools import list_ports
 from waiting import wait_until
 
-from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.bus.usb_port import UsbPort
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator

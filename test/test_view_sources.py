@@ -10,8 +10,8 @@ from test_topic_bag import EPOCH, TAXELS, bag, store, taxel_array
 from viewed import NAN
 from waiting import until
 
-from tactile_node.bus.bus_network import open_bus
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.cli import view
 from tactile_node.cli.main import main
 from tactile_node.errors import BusError, ConfigurationError

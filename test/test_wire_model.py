@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from wire import SYNC_ID, Node, carried, frame_seconds
 
-from tactile_node.assembly.assembler import FrameAssembler
+from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.simulator.device import SimulatedDevice
 from tactile_node.simulator.segment import Segment
@@ -154,7 +154,7 @@ def test_the_frames_on_the_wire_are_assembled_in_virtual_time():
     period = (64 * frame_seconds(8) + frame_seconds(0)) / 0.98
     skin.play((skin.segment.now + np.arange(100) * period).tolist())
     for pad, own in zip(skin.pads, skin.can_ids()):
-        assembler, results, syncs = FrameAssembler(pad.layout, (pad.nodes[0].node_id,), one_clock=True), [], []
+        assembler, results, syncs = SyncAssembler(pad.layout, (pad.nodes[0].node_id,), one_clock=True), [], []
         for carried_frame in skin.frames:
             can_id, end = carried_frame.frame.can_id, carried_frame.end
             if can_id == SYNC_ID:

@@ -38,6 +38,7 @@ class PadAssembler:
     """
 
     service = 'tpdo'  #: service under which the pad's CAN frames are counted
+    answers_sync = False  #: True if the pad's TPDOs answer SYNC
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int]):
         self.drop_incomplete = False  #: True to withhold taxel frames that lack TPDOs
@@ -57,6 +58,14 @@ class PadAssembler:
         self._losses = dict.fromkeys(LossReason, 0)
         self._complete = self._incomplete = self._withheld = self._missing = self._received = 0
 
+    @property
+    def is_in_doubt(self) -> bool:
+        """True if no SYNC may be sent until the driver knows which SYNC each node is answering.
+
+        Any thread may read this property.
+        """
+        return False
+
     def restart(self) -> None:
         """Discard unfinished frames. The next taxel frame has sequence number 0."""
         self._forget()
@@ -69,6 +78,9 @@ class PadAssembler:
 
     def start(self, node_id: int) -> None:
         """Record that a silent node was started."""
+
+    def settle(self) -> None:
+        """Record that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
 
     def sync(self, timestamp: float, late: float = 0.0) -> Frames:
         """Process a SYNC that was sent at most ``late`` [s] after its timestamp, and return the finished frames."""

@@ -7,7 +7,6 @@ from math import inf
 
 import can
 
-from tactile_node.assembly.assembler import FrameAssembler
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.frame_source import OnFrame
@@ -15,6 +14,7 @@ from tactile_node.assembly.free_bus import SLOW_BITRATE, FreeBus
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
+from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.cia301.objects import service_of
 from tactile_node.skin.pads import PadSettings
 
@@ -47,11 +47,10 @@ class Router:
                  one_clock: bool = True, drop_incomplete: bool = False, bitrate: int = SLOW_BITRATE):
         self._assemblers = {pad.name: _assembler(pad, one_clock) for pad in pads}
         self.drop_incomplete(drop_incomplete)
-        self._owners = {can_id: (name, assembler, isinstance(assembler, FrameAssembler))
-                        for name, assembler in self._assemblers.items() for can_id in assembler.can_ids}
-        self._synchronous = [one for one in self._assemblers.values() if isinstance(one, FrameAssembler)]
+        self._owners = {can_id: (name, assembler) for name, assembler in self._assemblers.items()
+                        for can_id in assembler.can_ids}
         self.can_ids = frozenset(self._owners)  #: COB-IDs of the TPDOs or SDOs that carry taxels
-        self.bus = FreeBus(bitrate)  #: the caller must also report any traffic that it does not feed to the router
+        self.free_bus = FreeBus(bitrate)  #: the caller must also report any traffic that it does not feed to the router
         self.is_running = True  #: see ``pause``
         self._foreign_sync = foreign_sync
         self._sync_id = pads[0].layout.sync_cob_id
@@ -65,19 +64,19 @@ class Router:
 
         Any thread may read this property.
         """
-        return any(assembler.is_in_doubt for assembler in self._synchronous)
+        return any(assembler.is_in_doubt for assembler in self._assemblers.values())
 
     def restart(self) -> None:
         """Discard unfinished frames. The next taxel frame of each pad has sequence number 0."""
         self.is_running = True
-        self.bus.restart()
+        self.free_bus.restart()
         for assembler in self._assemblers.values():
             assembler.restart()
 
     def resume(self, lost_periods: int) -> None:
         """Continue after an outage: discard unfinished frames and skip ``lost_periods`` sequence numbers."""
         self.is_running = True
-        self.bus.restart()
+        self.free_bus.restart()
         for assembler in self._assemblers.values():
             assembler.resume(lost_periods)
 
@@ -108,7 +107,7 @@ class Router:
         late : float
             Largest delay of the SYNC after its stamp [s].
         """
-        self.bus.sync(stamp, late)
+        self.free_bus.sync(stamp, late)
         for name, assembler in self._assemblers.items():
             self._deliver(name, assembler.sync(stamp, late))
 
@@ -126,21 +125,21 @@ class Router:
         after : float or None
             Earliest time at which the frame may have arrived [s]; None if it arrived at its stamp.
         """
-        if self.bus.nothing_pending(stamp if after is None else after):
-            for synchronous in self._synchronous:
-                synchronous.settle()
+        if self.free_bus.nothing_pending(stamp if after is None else after):
+            for each in self._assemblers.values():
+                each.settle()
         owner = self._owners.get(can_id)
         if owner is None:
-            self.bus.saw_other(stamp)
+            self.free_bus.saw_other(stamp)
             self._feed_other(can_id, stamp)
             return
-        name, assembler, has_sync = owner
+        name, assembler = owner
         self._counts[assembler.service] += 1
-        if has_sync:
-            self.bus.saw_tpdo(stamp)
+        if assembler.answers_sync:
+            self.free_bus.saw_tpdo(stamp)
         else:
-            self.bus.saw_other(stamp)
-        if self.is_running or has_sync:  # pads without SYNC send even while the driver is inactive
+            self.free_bus.saw_other(stamp)
+        if self.is_running or assembler.answers_sync:  # pads without SYNC send even while the driver is inactive
             if frames := assembler.feed(can_id, data, stamp):
                 self._deliver(name, frames)
 
@@ -154,7 +153,7 @@ class Router:
             self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
         else:
             self._counts[kind] += 1
-            self.bus.saw_other(message.timestamp, inf if message.is_error_frame else None)
+            self.free_bus.saw_other(message.timestamp, inf if message.is_error_frame else None)
 
     def end(self) -> None:
         """End the last period of each pad, because no more CAN frames will follow."""
@@ -190,7 +189,7 @@ def _assembler(pad: PadSettings, one_clock: bool) -> PadAssembler:
         return DomainAssembler(pad.layout, pad.layout.domain, pad.node_ids[0])
     if (event := pad.layout.event_driven) is not None:
         return (SweepAssembler if event.is_sweeps else SnapshotAssembler)(pad.layout, event, pad.node_ids)
-    return FrameAssembler(pad.layout, pad.node_ids, one_clock)
+    return SyncAssembler(pad.layout, pad.node_ids, one_clock)
 
 
 def non_data_kind(message: can.Message) -> str | None:

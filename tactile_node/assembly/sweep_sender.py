@@ -1,4 +1,4 @@
-"""Count how many sweeps one node may be behind. The module ``assembler`` states the rules."""
+"""Count how many sweeps one node may be behind. The module ``sync_assembler`` states the rules."""
 
 from collections.abc import Sequence
 from math import inf

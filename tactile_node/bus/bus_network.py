@@ -1,25 +1,26 @@
-"""Connect a python-can bus to a canopen Network. If a subscriber raises an exception, reception continues."""
+"""Read and write one CAN bus for canopen, and record its CAN frames.
 
-import errno
+python-can's Notifier wakes up a thread for each CAN frame. On a full bus (7,400 frames/s), waking a thread and
+switching the Python interpreter to it takes longer than processing the frame. `BusNetwork` therefore reads batches.
+"""
+
 import logging
 import threading
 import time
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
-from typing import Any
+from typing import NamedTuple
 
 import can
 from canopen import Network, ObjectDictionary
 
 from tactile_node.assembly.health import BusFault
 from tactile_node.bus.own_sdo import OwnSdoClient
-from tactile_node.bus.reception import Batch, Reception
-from tactile_node.bus.slcan_bus import BulkSlcanBus, PortInUseError
-from tactile_node.cia301.objects import BIT_RATES
-from tactile_node.errors import BusError, ConfigurationError
+from tactile_node.bus.socket_buffer import SocketBuffer
+from tactile_node.errors import BusError
 from tactile_node.logs.log_writer import CanLogWriter
+from tactile_node.threads import ReportedThread, call_guarded
 
 logger = logging.getLogger(__name__)
 # The caller reports each SDO timeout with its node, whereas canopen's log line names no node.
@@ -27,95 +28,47 @@ logging.getLogger('canopen.sdo').setLevel(logging.CRITICAL)
 
 OnFailure = Callable[[BusFault, Exception], None]
 
-_REMEDIES = {
-    'socketcan': 'Check that the interface is up: "ip link" lists all interfaces, "ip link set {channel} up type can '
-                 'bitrate {bitrate}" brings it up.',
-    'slcan': 'Check the device path, and check that you have permission to open it (group dialout).',
-    'kvaser': 'Use the interface socketcan with the Linux driver kvaser_usb. On Linux, python-can 4.6 cannot open an '
-              'adapter through CANlib (docs/adapters.md).',
-    'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
-_REMEDY_IN_USE = ('Only one program can use a serial port. Close the other program. If it is the driver, let the '
-                  'driver record (tactile bringup --record FILE), and view its topics (tactile view).')
-#: Manufacturer's library that python-can loads, by interface.
-_LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
+RECEIVE_TIMEOUT = 0.1  #: Longest time a read waits for a message [s].
+STOP_TIMEOUT = 1.0  #: Time allowed for the reception thread to end [s].
+
+#: Shortest time between two reads on a busy bus [s]. The pause adds at most this time to the age of the taxels.
+READ_PAUSE = 0.5e-3
+#: Largest number of CAN frames in a batch. A socket buffer holds more frames than this.
+MOST_IN_BATCH = 256
+#: If at least this many frames arrive within 0.8 ms, the frames carry taxels and the bus counts as busy. An SDO
+#: dialogue is slower and is therefore not delayed.
+BUSY_FRAMES = 4
 
 
-def check_bit_rate(bitrate: int) -> None:
-    """Raise ConfigurationError if ``bitrate`` [bit/s] is not a standard CANopen bit rate (CiA 301)."""
-    if bitrate not in BIT_RATES:
-        raise ConfigurationError('bitrate', expected=f'one of {", ".join(map(str, BIT_RATES))} bit/s', got=str(bitrate),
-                                 remedy='Give the bit rate to which the devices are set.')
+class Batch(NamedTuple):
+    """Messages that were read together."""
 
+    messages: list[can.Message]  #: messages in the order of reception
 
-def open_bus(interface: str, channel: str, bitrate: int, **options: Any) -> can.BusABC:
-    """Open a python-can bus.
+    #: Interval of the monotonic clock in which all messages arrived [s]; None if the stamp of each message gives its
+    #: time of arrival.
+    came: tuple[float, float] | None = None
 
-    Parameters
-    ----------
-    interface : str
-        python-can interface name, such as 'socketcan' or 'slcan'.
-    channel : str
-        Channel of the interface, such as 'can0' or '/dev/ttyACM0'.
-    bitrate : int
-        Bit rate to which the devices are set [bit/s].
-    **options
-        Further options for python-can.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if python-can does not know the interface or the bit rate is not standard.
-    BusError
-        Raised if the bus cannot be opened.
-    """
-    check_bit_rate(bitrate)
-    if interface not in can.VALID_INTERFACES:
-        close = get_close_matches(interface.lower(), can.VALID_INTERFACES, n=1)
-        raise ConfigurationError('CAN interface', expected=f'one of {", ".join(sorted(can.VALID_INTERFACES))}',
-                                 got=repr(interface),
-                                 remedy=f'Did you mean "{close[0]}"?' if close else 'Name one of these.')
-    try:
-        if interface == 'slcan':
-            return BulkSlcanBus(channel, bitrate=bitrate, **options)
-        return can.Bus(interface=interface, channel=channel, bitrate=bitrate, ignore_config=True, **options)
-    except Exception as error:
-        # The exception type depends on the python-can backend: CanError, OSError, ValueError, ImportError or NameError.
-        is_without_library = interface in _LIBRARIES and isinstance(error, (NameError, OSError))
-        raise BusError(f'CAN bus {interface} {channel}', expected=f'a bus that opens at {bitrate} bit/s',
-                       got=f'no library {_LIBRARIES[interface]} of its maker' if is_without_library
-                       else f'{type(error).__name__}: {error}'.rstrip('.'),
-                       remedy=_remedy(interface, channel, error).format(channel=channel, bitrate=bitrate)) from error
-
-
-def _remedy(interface: str, channel: str, error: Exception) -> str:
-    if isinstance(error, (can.CanInterfaceNotImplementedError, ImportError)):
-        return 'Check the name, and install what this interface needs (slcan: pyserial).'
-    if isinstance(error, PortInUseError):
-        return _REMEDY_IN_USE
-    if getattr(error, 'errno', None) == errno.EAFNOSUPPORT:
-        return 'This kernel has no SocketCAN. Load its modules (modprobe -a can can_raw), or use another interface.'
-    if interface == 'socketcan' and channel.startswith('vcan'):
-        return ('Check that the interface exists: "ip link add dev {channel} type vcan && ip link set {channel} up" '
-                'creates it.')
-    return _REMEDIES.get(interface, 'Check interface and channel.')
+    #: number of CAN frames that the kernel has dropped before, between or directly after these messages
+    dropped: int = 0
 
 
 class BusNetwork(Network):
-    """A canopen Network that receives messages in batches.
+    """A canopen Network that reads an open bus in batches, on the reception thread, until it is closed.
 
-    The network passes each batch of messages to ``on_batch`` first, then to canopen.
-
-    One object serves one bus from open to close.
+    The network passes each batch of messages to ``on_batch`` first, then to the subscribers of canopen. An exception
+    raised by ``on_batch`` is logged and affects only one batch, because it is not a fault of the bus. If a subscriber
+    raises an exception, reception continues.
 
     Parameters
     ----------
     bus : can.BusABC
-        Open bus.
+        Open bus. If the bus has a method ``recv_all``, as `BulkSlcanBus` does, that method is used.
     on_batch : callable
-        Function that is called with each `Batch`, on the reception thread.
+        Function that is called with each `Batch` that contains messages, on the reception thread.
     on_failure : callable
-        Function that is called with a `BusFault` and the exception if reception fails, or if canopen cannot send an
-        answer.
+        Function that is called with a `BusFault` and the exception if a read fails, if the reception thread ends with
+        an exception, or if canopen cannot send an answer.
     record : CanLogWriter or None
         Recording of all received and sent frames.
     name : str
@@ -138,8 +91,13 @@ class BusNetwork(Network):
         self._record = record
         self._name = name or str(bus.channel_info)
         self._order = threading.Lock()  # the recording keeps the order in which threads pass frames to the bus
-        self._reception = Reception(bus, self._received,
-                                    lambda error: on_failure(BusFault.RECEPTION_FAILED, error))
+        self._buffer = SocketBuffer(bus)
+        self._recv_all: Callable[[float], Batch] | None = getattr(bus, 'recv_all', None)
+        self._recent: deque[float] = deque(maxlen=BUSY_FRAMES)  # times at which the last batches of messages were read
+        self._read_error: Exception | None = None  # exception to be raised after the messages received before it
+        self._closing = threading.Event()
+        self._reception = ReportedThread(self._receive, 'reception', on_death=self._reception_failed)
+        self._reception.start()
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False,
                      announce: Callable[[], float] = lambda: time.time()) -> None:
@@ -205,13 +163,55 @@ class BusNetwork(Network):
     def close(self) -> None:
         """Stop receiving and close the bus.
 
-        The method also works if the adapter is gone. The recording remains open.
+        The method waits until the reception thread has ended, or for STOP_TIMEOUT if a dead adapter blocks the read. It
+        also works if the adapter is gone. The recording remains open.
         """
-        self._reception.stop()
+        self._closing.set()
+        if self._reception is not threading.current_thread():
+            self._reception.join(STOP_TIMEOUT)
         try:
             self._open_bus.shutdown()
         except (can.CanError, OSError):  # the adapter was unplugged
             pass
+
+    def _receive(self) -> None:
+        while not self._closing.is_set():
+            try:
+                batch = self._read()
+                if not batch.messages or self._closing.is_set():
+                    continue
+                begun = time.monotonic()
+                call_guarded(self._received, batch)
+                if self._is_busy(len(batch.messages), begun):
+                    time.sleep(max(0.0, begun + READ_PAUSE - time.monotonic()))
+            except Exception as error:  # the exception type depends on the python-can backend
+                if not self._closing.is_set():
+                    self._reception_failed(error)
+                self._closing.wait(RECEIVE_TIMEOUT)  # reading from a dead adapter fails immediately
+
+    def _is_busy(self, messages: int, now: float) -> bool:
+        self._recent.extend([now] * min(messages, BUSY_FRAMES))
+        return len(self._recent) == BUSY_FRAMES and now - self._recent[0] < 0.8e-3
+
+    def _read(self) -> Batch:
+        if self._recv_all is not None:
+            return self._recv_all(RECEIVE_TIMEOUT)
+        error, self._read_error = self._read_error, None
+        if error is not None:
+            raise error
+        messages: list[can.Message] = []
+        message = self._open_bus.recv(RECEIVE_TIMEOUT)
+        while message is not None:
+            messages.append(message)
+            try:
+                message = self._open_bus.recv(0) if len(messages) < MOST_IN_BATCH else None
+            except Exception as error:  # the next read raises this exception, after these messages have been passed on
+                self._read_error = error
+                break
+        return Batch(messages, dropped=self._buffer.new_drops() if messages else 0)
+
+    def _reception_failed(self, error: Exception) -> None:
+        self._on_failure(BusFault.RECEPTION_FAILED, error)
 
     def _received(self, batch: Batch) -> None:
         with self._order:

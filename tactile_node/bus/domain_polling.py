@@ -13,7 +13,7 @@ from canopen.sdo import SdoClient
 
 from tactile_node.assembly.health import BusFault
 from tactile_node.bus.log_throttle import LogThrottle
-from tactile_node.bus.threads import Pacer
+from tactile_node.bus.pacer import Pacer
 from tactile_node.errors import BusError, DeviceError
 from tactile_node.skin.layout import DomainLayout
 

@@ -16,12 +16,13 @@ from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router
 from tactile_node.bus.bus_devices import BusDevices
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusNetwork, check_bit_rate, open_bus
+from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.device_setup import DeviceAsSet
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.load import refuse_full_bus
-from tactile_node.bus.threads import Pacer
+from tactile_node.bus.open_bus import check_bit_rate, open_bus
+from tactile_node.bus.pacer import Pacer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.bus.usb_port import UsbPort
 from tactile_node.chain import Chain

@@ -9,13 +9,12 @@ from queue import Empty, SimpleQueue
 
 import can
 
-from tactile_node.assembly.free_bus import SyncPause
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router, non_data_kind
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import BusNetwork, OnFailure
-from tactile_node.bus.reception import Batch
+from tactile_node.bus.bus_network import Batch, BusNetwork, OnFailure
 from tactile_node.bus.stamp_clock import StampClock
+from tactile_node.bus.sync_pause import SyncPause
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
@@ -23,7 +22,10 @@ from tactile_node.errors import BusError
 logger = logging.getLogger(__name__)
 
 LONGEST_WRITE = 0.1  #: Longest time the chain waits until a SYNC has been written [s].
-NO_DATA = -1  #: Placeholder COB-ID of a message that is not a data frame with an 11-bit identifier.
+
+#: Placeholder COB-ID in the queue for a message that is not a data frame with an 11-bit identifier. Such a message only
+#: occupies the bus. An error frame also has the placeholder stamp inf, because no time before it counts as free.
+NO_DATA = -1
 
 
 class Traffic:
@@ -124,8 +126,7 @@ class Traffic:
                 frames.append((can_id, data, self.clock.of(message.timestamp)))
             else:
                 self._count_other(kind, message)
-                # The bus may have more errors than the controller reports, so no time before an error frame counts as
-                # free.
+                # the bus may have more errors than the controller reports
                 came = inf if message.is_error_frame else self.clock.of(message.timestamp)
                 frames.append((NO_DATA, b'', came))
         if self._put - self._fed + len(frames) <= self._queue_limit:
@@ -163,13 +164,13 @@ class Traffic:
         self._fed += len(frames)
         for can_id, data, stamp in frames:
             if stamp == inf:
-                self._router.bus.saw_other(inf, inf)
+                self._router.free_bus.saw_other(inf, inf)
                 continue
             after, until = came or (stamp, stamp)
-            self._router.bus.saw_other(after, max(0.0, after - self._last_came - most_free))
+            self._router.free_bus.saw_other(after, max(0.0, after - self._last_came - most_free))
             self._last_came = until
             if can_id == NO_DATA:
-                self._router.bus.saw_other(stamp)
+                self._router.free_bus.saw_other(stamp)
             else:
                 self._router.feed(can_id, data, stamp, after)
 

@@ -21,8 +21,7 @@ from tactile_node.logs.replay_times import TimeWindow
 from tactile_node.shape.recognition import LEARNED
 
 if TYPE_CHECKING:
-    from tactile_node.bus.bus_network import BusNetwork
-    from tactile_node.bus.reception import Batch
+    from tactile_node.bus.bus_network import Batch, BusNetwork
     from tactile_node.shape.methods import VisibilityGuard
     from tactile_node.skin.pads import LivePad, PadSettings
 
@@ -312,7 +311,8 @@ def open_network(args: argparse.Namespace, on_batch: 'Callable[[Batch], None]') 
         Raised if the bus cannot be opened, or on exit if the bus failed in the meantime.
     """
     # python-can would slow down shell completion
-    from tactile_node.bus.bus_network import BusNetwork, open_bus
+    from tactile_node.bus.bus_network import BusNetwork
+    from tactile_node.bus.open_bus import open_bus
     failures: list[Exception] = []
     network = BusNetwork(open_bus(args.interface, args.channel, args.bitrate), on_batch,
                          lambda fault, error: failures.append(error), name=f'{args.interface} {args.channel}')

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import can
 
-from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.cli.options import add_bus_options, add_number, add_output_option
 from tactile_node.errors import BusError, LogError
 from tactile_node.interruption import interruption

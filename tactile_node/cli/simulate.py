@@ -15,7 +15,7 @@ from pathlib import Path
 import can
 import numpy as np
 
-from tactile_node.bus.bus_network import open_bus
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.cli.options import add_bus_options, add_number, add_skin_options, live_pads_of
 from tactile_node.errors import InputError
 from tactile_node.interruption import interruption

@@ -8,7 +8,7 @@ from tactile_node.conditioning.gain import ResponseCurve
 from tactile_node.conditioning.tare import TaredPad, ZeroState
 from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.errors import HalfZeroedError
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only, without_any_value
+from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
 
 MOST_NAMED = 20  #: Largest number of taxels of each kind that the text lists.
 
@@ -94,9 +94,11 @@ class ConditionedPad:
             self._found = found
             self._combine(found)
         self._count_unchanged(frame)
-        frame = self._without_faulty(frame)
+        faulty = self._status != 0 if self.masks else self._known.kinds != 0
+        if faulty.any():
+            frame = frame.without(faulty, self._status)
         if self.is_frozen:
-            frame = without_any_value(frame)
+            frame = frame.without(frame.has_value)
         frame = self.tared.feed(frame)
         if self.gains is not None:
             frame = frame._replace(values=read_only(frame.values * self.gains))
@@ -118,10 +120,3 @@ class ConditionedPad:
         self.faults = FaultyTaxels(read_only(kinds))
         status = np.where(kinds == TaxelFault.DEAD, TaxelStatus.DEAD, TaxelStatus.FAULTY)
         self._status = np.where(kinds != 0, status, 0).astype(np.uint8)
-
-    def _without_faulty(self, frame: TaxelFrame) -> TaxelFrame:
-        faulty = self._status != 0 if self.masks else self._known.kinds != 0
-        if not faulty.any():
-            return frame
-        return frame._replace(values=read_only(np.where(faulty, np.float32(np.nan), frame.values)),
-                              status=read_only(np.where(faulty, self._status, frame.status)))

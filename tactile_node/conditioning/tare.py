@@ -10,15 +10,7 @@ from scipy.ndimage import label
 from tactile_node.code_names import PhrasedCode
 from tactile_node.conditioning.drift import DriftFollower
 from tactile_node.errors import ConfigurationError, HalfZeroedError, TareRefusal, TareRefusedError
-from tactile_node.taxel_frame import (
-    ON_OFF_UNIT,
-    PRESS_BY_UNIT,
-    RELEASE_RATIO,
-    TaxelFrame,
-    TaxelStatus,
-    read_only,
-    without_any_value,
-)
+from tactile_node.taxel_frame import ON_OFF_UNIT, PRESS_BY_UNIT, RELEASE_RATIO, TaxelFrame, TaxelStatus, read_only
 
 #: If a taxel reads this value or more when a tare is requested, it is pressed. The value is lower than the readings of
 #: a real contact.
@@ -272,7 +264,7 @@ class TaredPad:
                 is_faulty = np.isin(frame.status, (TaxelStatus.DEAD, TaxelStatus.FAULTY))
                 self.offset = drift.update(frame.stamp, frame.values, zero, is_faulty, is_contact)
         if not is_valid:
-            return without_any_value(frame)
+            return frame.without(frame.has_value)
         if self.offset is None:
             return frame
         return frame._replace(values=read_only((frame.values - self.offset).astype(np.float32, copy=False)))

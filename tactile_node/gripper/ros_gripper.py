@@ -276,8 +276,8 @@ class RosGripper:
         return None
 
     def _on_taxels(self, number: int, message: TaxelArray) -> None:
-        arrival = self._taxels[number].arrival
-        if not math.isfinite(arrival.acquired):  # the age is not known yet
+        acquired = self._taxels[number].acquired
+        if not math.isfinite(acquired):  # the age is not known yet
             return
         if number == 0 and self.tap is not None:
             self.tap.append(TaxelFrame(seconds(message.header.stamp), message.sequence, taxel_values(message),
@@ -290,7 +290,7 @@ class RosGripper:
         if self._facts[number].get('mirrored') == 'True':
             forces = forces[:, ::-1]
         with self._lock:
-            self._frames[number].append(_Frame(arrival.steady, arrival.acquired, message.sequence, forces))
+            self._frames[number].append(_Frame(self._steady(), acquired, message.sequence, forces))
 
     def _on_state(self, message: Any) -> None:
         names = list(message.name)

@@ -12,11 +12,12 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.stage import StageInput, StageNode, StageOutput, Stages
+from tactile_node.nodes.stage import StageInput, StageOutput, Stages
+from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.view_topics import ShapeView
 from tactile_node.pose.pipeline import DEFAULT_FUSION, ContactPipeline, StreamedContact
 from tactile_node.ros.contact_messages import PadContact, pad_contact_of
-from tactile_node.ros.message_age import Arrival, age_message
+from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_contact
 from tactile_node.ros.motion_messages import event_message
 from tactile_node.ros.parameters import declare, read
@@ -70,41 +71,41 @@ class ClassifierNode(StageNode):
         self._ends = self._contacts, self._shapes
         MessageHealth(self, [self._contacts], self._settings)
 
-    def accept(self, contact: PadContact, arrival: Arrival) -> None:
+    def accept(self, contact: PadContact, acquired: float) -> None:
         """Recognise the shape of ``contact`` and publish the result."""
         result = self._pipeline.recognise(contact.found, seconds(contact.header.stamp))
-        shape = self._shape(contact, result, arrival)
+        shape = self._shape(contact, result, acquired)
         shape.message.left_out = self._contacts.left_out
-        self._shapes.send(shape, arrival.acquired)
+        self._shapes.send(shape, acquired)
         if shape.message.fit_valid:
             self._poses.publish(lambda: pose_message(shape.message))
         for event in result.motion.events:
-            self._events.publish(event_message(event, contact.header, contact.sequence, _age(arrival)))
+            self._events.publish(event_message(event, contact.header, contact.sequence, _age(acquired)))
         self.recognised += 1
         if self._view.is_wanted or self._all_shapes.is_wanted:
-            self._contacts.postpone(lambda: self._publish_more(contact, result, shape, arrival), arrival)
+            self._contacts.postpone(lambda: self._publish_more(contact, result, shape, acquired), acquired)
 
-    def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, arrival: Arrival) -> None:
+    def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, acquired: float) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
-        self._all_shapes.publish(lambda: self._all_shapes_of(contact, result, arrival))
+        self._all_shapes.publish(lambda: self._all_shapes_of(contact, result, acquired))
         self._view.publish(contact, shape.message)
 
-    def _all_shapes_of(self, contact: PadContact, largest: StreamedContact, arrival: Arrival) -> ContactShapes:
+    def _all_shapes_of(self, contact: PadContact, largest: StreamedContact, acquired: float) -> ContactShapes:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)
-        shapes = [self._shape(contact, each, arrival).complete_message for each in results]
+        shapes = [self._shape(contact, each, acquired).complete_message for each in results]
         together = shapes_message(contact, largest.contact.contacts, shapes)
-        together.age = _age(arrival)
+        together.age = _age(acquired)
         return together
 
-    def _shape(self, contact: PadContact, result: StreamedContact, arrival: Arrival) -> PadShape:
+    def _shape(self, contact: PadContact, result: StreamedContact, acquired: float) -> PadShape:
         shape = pad_shape(contact.frame, result, self._settings.method, self._settings.solid_height)
-        shape.message.age = _age(arrival)
+        shape.message.age = _age(acquired)
         return shape
 
 
-def _age(arrival: Arrival) -> Duration:
-    """Return the current age of a result computed from the contact that came with ``arrival``."""
-    return age_message(arrival.age(time.monotonic()))
+def _age(acquired: float) -> Duration:
+    """Return the current age of a result whose taxels were acquired at ``acquired`` on the steady clock [s]."""
+    return age_message(time.monotonic() - acquired)
 
 
 def main() -> int:

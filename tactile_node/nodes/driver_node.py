@@ -27,7 +27,8 @@ from tactile_node.nodes.lifecycle_steps import LifecycleSteps, reject_invalid_tr
 from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay import ClockOutput
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.stage import StageNode, Stages
+from tactile_node.nodes.stage import Stages
+from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, masks_faulty, skin_responses
 from tactile_node.ros.parameters import declare, follow_changes, read, table

@@ -19,9 +19,9 @@ from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_transforms import publish_pad_frames
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.stage import StageInput, StageNode, Stages
+from tactile_node.nodes.stage import StageInput, Stages
+from tactile_node.nodes.stage_node import StageNode
 from tactile_node.ros.grasp_messages import grasp_message, side_result, sides_message
-from tactile_node.ros.message_age import Arrival
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import GraspNodeSettings
@@ -65,7 +65,8 @@ class GraspNode(StageNode):
         # The chain updates the grasp, a ticker notices silences, and the executor answers requests. The lock covers no
         # work of another stage, so a chain that hangs cannot hide a silence.
         self._lock = threading.RLock()
-        self._arrivals: dict[str, Arrival] = {}
+        self._acquired = dict.fromkeys(SIDES, -math.inf)  # when the latest taxels of each side were acquired [s]
+        self._received = -math.inf  # time when the latest shape was received [s]
         self._requests: GraspRequests | None = None
         super().__init__(NODE_NAMES[Role.GRASP], stages, **options)
         declare(self, GraspNodeSettings)
@@ -93,7 +94,7 @@ class GraspNode(StageNode):
         MessageHealth(self, tuple(self._shapes.values()), settings)
         self.tick(SILENCE_PERIOD, self._look_for_silence)
 
-    def accept(self, side: str, shape: PadShape, arrival: Arrival) -> None:
+    def accept(self, side: str, shape: PadShape, acquired: float) -> None:
         """Update the grasp with a new shape from one pad, and publish the grasp.
 
         Parameters
@@ -102,14 +103,15 @@ class GraspNode(StageNode):
             Side of the pad, one of SIDES.
         shape : PadShape
             Shape on the pad of this side.
-        arrival : Arrival
-            Arrival of the shape.
+        acquired : float
+            Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
         """
         stamp = seconds(shape.header.stamp)
-        acquired = stamp if self._settings.lossless else arrival.acquired
-        result, opening = side_result(shape.message, acquired), self._opening.current()
+        result = side_result(shape.message, stamp if self._settings.lossless else acquired)
+        opening = self._opening.current()
         with self._lock:
-            self._arrivals[side] = arrival
+            self._acquired[side] = acquired
+            self._received = self._steady()
             self._latest[side] = shape
             self._stamp = max(stamp, self._stamp) if self._stamp - stamp < ANOTHER_LOG else stamp
             self._publish(self._tracker.update(side, result, self._now(), opening.gap), opening)
@@ -133,7 +135,7 @@ class GraspNode(StageNode):
     def destroy_node(self) -> None:
         """Publish a grasp without results before the node ends, because the last grasp would otherwise look valid."""
         self.end_stage()
-        if self.context.ok() and self._arrivals:
+        if self.context.ok() and self._received > -math.inf:
             self._publish_without_result(math.inf)
         if self._requests is not None:
             self._requests.destroy()
@@ -161,8 +163,7 @@ class GraspNode(StageNode):
         opening = self._opening.current()
         with self._lock:
             steady = self._steady()
-            received = max((arrival.steady for arrival in self._arrivals.values()), default=-math.inf)
-            has_ended = self._settings.lossless and steady - received > self._settings.max_age
+            has_ended = self._settings.lossless and steady - self._received > self._settings.max_age
             state, sides = self._tracker.state(math.inf if has_ended else self._now(), opening.gap), self._sides
             return CurrentGrasp(state, sides, lambda: self._message(state, opening, sides))
 
@@ -177,7 +178,7 @@ class GraspNode(StageNode):
     def _ages(self) -> list[float]:
         """Return the age of each side's latest shape [s], or inf if the side has none."""
         now = self._steady()
-        return [self._arrivals[side].age(now) if side in self._arrivals else math.inf for side in SIDES]
+        return [now - self._acquired[side] for side in SIDES]
 
 
 def main() -> int:

@@ -5,12 +5,12 @@ import math
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from typing import Any, Generic, Protocol, TypeAlias, TypeGuard
+from typing import Any, Generic, Protocol, TypeAlias
 
 from rclpy.node import Node
 
 from tactile_node.bus.log_throttle import LogThrottle
-from tactile_node.ros.message_age import AgedMessage, Arrival, InputAge
+from tactile_node.ros.message_age import AgedMessage, InputAge
 from tactile_node.ros.message_checks import Check, Message, RejectReason
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
 from tactile_node.ros.rosout_handler import of_node
@@ -73,6 +73,8 @@ class MessageGuard(Generic[Message]):
         Full name of the topic.
     publishers : int
         Number of publishers of the topic at the last call of `count_publishers`.
+    acquired : float
+        Time when the taxels of the last usable message were acquired, on the steady clock [s]; -inf if not known.
     left_out : int
         Number of frames directly before the current message that were overtaken at this node or at an earlier node.
     """
@@ -85,10 +87,10 @@ class MessageGuard(Generic[Message]):
         self._dropped: Counter[RejectReason] = Counter()
         self._throttles: defaultdict[RejectReason, LogThrottle] = defaultdict(LogThrottle)
         self._kind_is_of_chain = all(hasattr(kind, field) for field in ('header', 'age', 'sequence'))
-        self._stamps = None if lossless else StampGuard()
-        self._sources = None if lossless else SourceGuard()
+        self._follows_sender = self._kind_is_of_chain and not lossless
+        self._stamps = StampGuard()
+        self._sources = SourceGuard()
         self._age = InputAge(lossless=lossless, steady=steady)
-        self._arrival: Arrival | None = None  # arrival of the last message that was used
         self._sequence: int | None = None  # sequence number of the last message that was used
         self._stamp = 0.0  # stamp of the last message that was used, on the sender's clock [s]
         self._typed_publishers = 0  # number of publishers when their message types were last read
@@ -96,6 +98,7 @@ class MessageGuard(Generic[Message]):
         self._skipped = 0
         self._overtaken = 0
         self.publishers = 0
+        self.acquired = -math.inf
         self.left_out = 0
 
     @property
@@ -104,16 +107,9 @@ class MessageGuard(Generic[Message]):
         return MessageCounts(self._received, self._processed, dict(self._dropped), self._skipped, self._overtaken)
 
     @property
-    def arrival(self) -> Arrival:
-        """Arrival of the last usable message. Raises RuntimeError before the first message arrives."""
-        if self._arrival is None:
-            raise RuntimeError(f'{self.topic}: no message of the chain has arrived')
-        return self._arrival
-
-    @property
     def health(self) -> StreamHealth:
         """Message counts, age and stamp of the newest data, and the publishers of the topic."""
-        age = math.inf if self._arrival is None else self._arrival.age(self._steady())
+        age = self._steady() - self.acquired
         if not self._kind_is_of_chain:
             return StreamHealth(self.counts, age)
         stamps_offset = self._stamp + age - time.time() if age < math.inf else math.nan
@@ -143,7 +139,7 @@ class MessageGuard(Generic[Message]):
         self._received += 1
         try:
             reason = (self._check_type(message) or (self._check(message) if acquired is None else None)
-                      or self._check_stamp(message) or self._check_source(message))
+                      or self._check_sender(message))
             if reason is None:
                 self._note(message, acquired)
                 return True
@@ -176,16 +172,13 @@ class MessageGuard(Generic[Message]):
             raise error
         self._drop(RejectReason.PROCESSING_FAILED, error)
 
-    def _is_of_chain(self, message: object) -> TypeGuard[ChainMessage]:
-        return self._kind_is_of_chain
-
-    def _check_type(self, message: Message) -> RejectReason | None:
+    def _check_type(self, message: ChainMessage) -> RejectReason | None:
         """Return OTHER_TYPE if a publisher uses another version of the message type.
 
         The types are read again only if the publishers may have changed: if their number differs, or if the sequence
         has a gap.
         """
-        if not self._is_of_chain(message):
+        if not self._kind_is_of_chain:
             return None
         is_next = self._sequence is not None and message.sequence == self._sequence + 1
         if self.publishers != self._typed_publishers or not is_next:
@@ -193,25 +186,21 @@ class MessageGuard(Generic[Message]):
             self._other_types = publishers_of_other_type(self._node, self.topic)
         return RejectReason.OTHER_TYPE if self._other_types else None
 
-    def _check_stamp(self, message: Message) -> RejectReason | None:
-        if self._stamps is None or not self._is_of_chain(message):
+    def _check_sender(self, message: ChainMessage) -> RejectReason | None:
+        """Return STAMP_AHEAD if the stamp is too far ahead, or OTHER_SOURCE if two sources send."""
+        if not self._follows_sender:
             return None
-        is_accepted = self._stamps.accepts(self._steady(), seconds(message.header.stamp))
-        return None if is_accepted else RejectReason.STAMP_AHEAD
-
-    def _check_source(self, message: Message) -> RejectReason | None:
-        if self._sources is None or not self._is_of_chain(message):
-            return None
-        is_accepted = self._sources.accepts(self._steady(), message.sequence, seconds(message.header.stamp),
-                                            _left_out_before(message))
+        now, stamp = self._steady(), seconds(message.header.stamp)
+        if not self._stamps.accepts(now, stamp):
+            return RejectReason.STAMP_AHEAD
+        is_accepted = self._sources.accepts(now, message.sequence, stamp, _left_out_before(message))
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
-    def _note(self, message: Message, acquired: float | None) -> None:
-        """Record the age and the sequence number of a message that is used."""
-        if not self._is_of_chain(message):
+    def _note(self, message: ChainMessage, acquired: float | None) -> None:
+        """Record the time of acquisition and the sequence number of a message that is used."""
+        if not self._kind_is_of_chain:
             return
-        now = self._steady()
-        self._arrival = self._age.arrived(message) if acquired is None else Arrival(now, now - acquired)
+        self.acquired = self._age.arrived(message).acquired if acquired is None else acquired
         stamp = seconds(message.header.stamp)
         if self._sequence is not None:
             gap = message.sequence - self._sequence - 1

@@ -15,23 +15,17 @@ from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.run import run_node
-from tactile_node.nodes.stage import StageInput, StageNode, StageOutput, Stages
+from tactile_node.nodes.stage import StageInput, StageOutput, Stages
+from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.view_topics import TaxelViews
 from tactile_node.pose.pipeline import ContactPipeline
-from tactile_node.ros.contact_messages import (
-    PadContact,
-    PadFrame,
-    contact_message,
-    features_message,
-    find_in,
-    pad_frame_of,
-)
-from tactile_node.ros.message_age import Arrival, age_message
+from tactile_node.ros.contact_messages import PadContact, PadFrame, contact_message, features_message, pad_frame_of
+from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import declare, follow_changes, read
 from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import ProcessorSettings
-from tactile_node.taxel_frame import PRESS_BY_UNIT
+from tactile_node.taxel_frame import PRESS_BY_UNIT, TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 
 logger = logging.getLogger(__name__)
@@ -82,25 +76,27 @@ class ProcessorNode(StageNode):
         if settings.press_threshold != before.press_threshold:
             self._scales = scales_of(settings)
 
-    def accept(self, frame: PadFrame, arrival: Arrival) -> None:
+    def accept(self, frame: PadFrame, acquired: float) -> None:
         """Find the contacts in ``frame``, publish them and hand them over."""
         unit, values = frame.taxels.unit or '', frame.values
         if unit in self._scales and (error := self._scales[unit].doubt(values)):
             logger.warning('%s: %s', self._taxels.topic, error, extra=of_node(self, fact=error))
             self._scales = {}  # the warning is logged only once
-        contact = PadContact(frame, find_in(frame, self._pipeline), self._taxels.left_out)
-        self._contacts.send(contact, arrival.acquired)
+        found = self._pipeline.find(values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED,
+                                    unmapped=frame.status == TaxelStatus.UNMAPPED)
+        contact = PadContact.of(frame, found, self._taxels.left_out)
+        self._contacts.send(contact, acquired)
         if self._views.is_wanted or self._features.is_wanted:
-            self._taxels.postpone(lambda: self._publish_more(contact, arrival), arrival)
+            self._taxels.postpone(lambda: self._publish_more(contact, acquired), acquired)
 
-    def _publish_more(self, contact: PadContact, arrival: Arrival) -> None:
+    def _publish_more(self, contact: PadContact, acquired: float) -> None:
         """Publish features, images and wrenches, which no other stage waits for."""
-        self._features.publish(lambda: self._features_of(contact, arrival))
+        self._features.publish(lambda: self._features_of(contact, acquired))
         self._views.publish(contact)
 
-    def _features_of(self, contact: PadContact, arrival: Arrival) -> ContactFeatures:
+    def _features_of(self, contact: PadContact, acquired: float) -> ContactFeatures:
         features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
-        features.age = age_message(arrival.age(time.monotonic()))
+        features.age = age_message(time.monotonic() - acquired)
         return features
 
 

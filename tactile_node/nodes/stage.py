@@ -10,17 +10,15 @@ import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rclpy.node import Node
 from rclpy.subscription import Subscription
-from std_msgs.msg import Header
 
 from tactile_node.chain import Chain, Step
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
-from tactile_node.nodes.ticker import Ticker
-from tactile_node.ros.message_age import Arrival, age_message
+from tactile_node.ros.message_age import age_message
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
@@ -30,17 +28,7 @@ LISTENING_PERIOD = 0.1
 STOP_TIMEOUT = 2.0  #: Longest time that the end of a node waits for a running call of the chain [s].
 
 
-class StageResult(Protocol):
-    """A result that a stage passes on. Like a message of the chain, the result belongs to one taxel frame."""
-
-    @property
-    def header(self) -> Header: ...
-
-    @property
-    def sequence(self) -> int: ...
-
-
-Result = TypeVar('Result', bound=StageResult)
+Result = TypeVar('Result')  #: A result of a stage, with the ``header`` and the ``sequence`` of its taxel frame.
 
 
 class Stages:
@@ -93,7 +81,8 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
     topic : str
         Name of the topic.
     accept : callable
-        Function that is called with each result and its arrival, on the chain thread.
+        Function that is called with each result and the time when its taxels were acquired, on the steady clock [s]
+        (-inf if not known). It runs on the chain thread.
     settings : ReceiverSettings
         Settings of the node.
     check : callable
@@ -116,7 +105,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         Topic of this stage's results, or None for the last stage of a pad.
     """
 
-    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result, Arrival], None],
+    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result, float], None],
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
@@ -127,8 +116,8 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         qos = settings.input_qos
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
-        # usable results that wait for ``step``, each after the results that it has overtaken, and with its arrival
-        self._waiting: deque[tuple[list[Result], Arrival]] = deque()
+        # usable results that wait for ``step``, each after the results that it has overtaken, and when it was acquired
+        self._waiting: deque[tuple[list[Result], float]] = deque()
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
@@ -145,13 +134,10 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._listen()
         return super().health
 
-    def announce(self, result: Result) -> None:
-        """Record that ``result`` will be published and fed, so that its message is ignored if it comes back."""
-        self._is_fed = True
-        self._own.append(frame_key(result))
-
     def feed(self, result: Result, acquired: float) -> None:
         """Receive a result from a stage of this process, on the chain thread.
+
+        If the message of the result comes back over the topic, the chain takes it later and ignores it.
 
         Parameters
         ----------
@@ -160,6 +146,8 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         acquired : float
             Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
         """
+        self._is_fed = True
+        self._own.append(frame_key(result))
         self.attempt(self._look_for_others)
         if self.is_usable(result, acquired):
             self._receive(result)
@@ -169,9 +157,9 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._is_fed = False
         self._own.clear()
 
-    def postpone(self, publish: Callable[[], None], arrival: Arrival) -> None:
-        """Publish what only viewers need of the result with this arrival, when this no longer delays a shape."""
-        self._stages.chain.postpone(Step.SHOW, arrival.acquired, self.attempt, publish)
+    def postpone(self, publish: Callable[[], None], acquired: float) -> None:
+        """Publish what only viewers need of a result, when this no longer delays a shape."""
+        self._stages.chain.postpone(Step.SHOW, acquired, self.attempt, publish)
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
@@ -181,19 +169,19 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._stages.remove(self)
 
     def _receive(self, result: Result) -> None:
-        self._waiting.append(([result], self.arrival))
+        self._waiting.append(([result], self.acquired))
         if self._step is None:
             self._process_next()
         elif len(self._waiting) > self._most_waiting:
             overtaken, _ = self._waiting.popleft()
             self._waiting[0][0][:0] = overtaken  # the next result has overtaken these
         else:
-            self._stages.chain.postpone(self._step, self.arrival.acquired, self._process_next)
+            self._stages.chain.postpone(self._step, self.acquired, self._process_next)
 
     def _process_next(self) -> None:
         if self._waiting:
-            results, arrival = self._waiting.popleft()
-            self.process(results, lambda result: self._accept(result, arrival))
+            results, acquired = self._waiting.popleft()
+            self.process(results, lambda result: self._accept(result, acquired))
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
@@ -269,13 +257,10 @@ class StageOutput(Generic[Result]):
         acquired : float
             Time when the taxels were acquired, on the steady clock [s].
         """
-        reader = self._stages.input_of(self.topic)
-        if reader is not None:
-            reader.announce(result)
         try:
             self._publisher.publish(lambda: self._message(result, acquired))
         finally:  # the next stage must get the result even if publishing the message fails
-            if reader is not None:
+            if (reader := self._stages.input_of(self.topic)) is not None:
                 reader.feed(result, acquired)
 
     def end(self) -> None:
@@ -289,47 +274,3 @@ class StageOutput(Generic[Result]):
         message = self._make(result)
         message.age = age_message(time.monotonic() - acquired)
         return message
-
-
-class StageNode(Node):
-    """A node on the chain, which ends its inputs, its outputs and its own chain when it is destroyed.
-
-    Parameters
-    ----------
-    name : str
-        Name of the node.
-    stages : Stages or None
-        Stages of this process, or None if the node runs alone in its process.
-    **options
-        Keyword arguments for rclpy's ``Node``.
-    """
-
-    # These attributes have values before rclpy's constructor, because Kilted calls destroy_node even after a failed
-    # constructor.
-    _ends: 'tuple[StageInput | StageOutput, ...]' = ()  # inputs and outputs of the stage
-    _own: Stages | None = None  # set if the node runs alone in its process
-    _tickers: tuple[Ticker, ...] = ()
-
-    def __init__(self, name: str, stages: Stages | None, **options: Any):
-        super().__init__(name, **options)
-        self._stages = stages or Stages()
-        self._own = self._stages if stages is None else None
-
-    def tick(self, period: float, call: Callable[[], None]) -> None:
-        """Call a function every ``period`` [s] until the node is destroyed; see `Ticker`."""
-        self._tickers += Ticker(self, period, call),
-
-    def end_stage(self) -> None:
-        """End all tickers, inputs and outputs, so that no other thread uses the node any more."""
-        for ticker in self._tickers:
-            ticker.stop()
-        for end in self._ends:
-            end.end()
-        if self._own is not None:
-            self._own.chain.stop(STOP_TIMEOUT)
-        self._tickers, self._ends, self._own = (), (), None
-
-    def destroy_node(self) -> None:
-        """End the stage, and destroy the node."""
-        self.end_stage()
-        super().destroy_node()

@@ -8,7 +8,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from tactile_node.bus.log_throttle import LogThrottle
-from tactile_node.bus.threads import Pacer
+from tactile_node.bus.pacer import Pacer
 from tactile_node.ros.rosout_handler import of_node
 
 logger = logging.getLogger(__name__)

@@ -149,8 +149,7 @@ class _PadTopics:
 
     def _on_taxels(self, message: TaxelArray) -> None:
         now = time.monotonic()
-        age = self._subscription.arrival.age(now)
-        _keep(self._taxels, message, (message, now - age))
+        _keep(self._taxels, message, (message, self._subscription.acquired))
         if now - self._shape_came > WITHOUT_SHAPE:
             self._show(frame_key(message), None, now)
 

@@ -8,7 +8,7 @@ from std_msgs.msg import Header
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.helmholtz.features import UNDEFINED, Extremes, Features
-from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
+from tactile_node.pose.pipeline import FoundContact, Taxels
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.time_messages import time_message
 from tactile_node.taxel_frame import SkinSide, TaxelFrame, TaxelStatus, TpdoAges
@@ -41,6 +41,13 @@ class PadContact(NamedTuple):
     frame: PadFrame
     found: FoundContact
     left_out: int = 0  #: number of frames before this one that newer frames have overtaken
+
+    @classmethod
+    def of(cls, frame: PadFrame, found: FoundContact, left_out: int = 0) -> 'PadContact':
+        """Return the contact in a frame, with its noise rounded as in a message; see `PadFrame.of`."""
+        noise = found.pattern.noise.astype(np.float32).astype(float)
+        known = noise if np.isfinite(noise).all() else np.full(noise.shape, np.nan)
+        return cls(frame, found._replace(pattern=found.pattern._replace(noise=known)), left_out)
 
     @property
     def header(self) -> Header:
@@ -82,15 +89,6 @@ def taxel_values(message: TaxelArray | Contact) -> np.ndarray:
 def as_array(code: str, values: np.ndarray, dtype: type) -> array:
     """Return ``values`` row by row as array.array, because rclpy checks any other sequence element by element."""
     return array(code, np.ascontiguousarray(values, dtype).tobytes())
-
-
-def find_in(frame: PadFrame, pipeline: ContactPipeline) -> FoundContact:
-    """Return the contact that ``pipeline`` finds in ``frame``, with the noise rounded to float32, as in a message."""
-    found = pipeline.find(frame.values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED,
-                          unmapped=frame.status == TaxelStatus.UNMAPPED)
-    noise = found.pattern.noise.astype(np.float32).astype(float)
-    known = noise if np.isfinite(noise).all() else np.full(noise.shape, np.nan)
-    return found._replace(pattern=found.pattern._replace(noise=known))
 
 
 def without_left_over(contact: PadContact) -> PadFrame:

@@ -9,7 +9,6 @@ import canopen
 import numpy as np
 from canopen import SdoAbortedError
 
-from tactile_node.bus.threads import StoppableThread
 from tactile_node.cia301 import objects
 from tactile_node.cia301.objects import NMT
 from tactile_node.cia301.sdo import SDO_BYTES, AbortCode
@@ -18,6 +17,7 @@ from tactile_node.simulator.block_upload import BlockUploadServer
 from tactile_node.simulator.tpdo_records import SCAN, ConfiguredTpdo, EventSchedule, Piece, TpdoRecords
 from tactile_node.skin.pads import CanopenNode
 from tactile_node.skin.taxel_codec import TaxelCodec
+from tactile_node.threads import StoppableThread
 
 logger = logging.getLogger(__name__)
 

@@ -9,9 +9,9 @@ import can
 from canopen import Network
 from canopen.network import PeriodicMessageTask
 
-from tactile_node.bus.bus_network import BusNetwork, open_bus
+from tactile_node.bus.bus_network import Batch, BusNetwork
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
-from tactile_node.bus.reception import Batch
+from tactile_node.bus.open_bus import open_bus
 from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
 from tactile_node.simulator.segment import LiveSegment, Segment

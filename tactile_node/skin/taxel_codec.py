@@ -112,13 +112,9 @@ class TaxelCodec:
 
 def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
     """Return the frame with NaN and STALE for all taxels in ``carriers``, whose values cannot be trusted."""
-    values = frame.values.copy()
-    status = frame.status.copy()
-    missing = frame.missing_can_frames
+    untrusted, missing = np.zeros(frame.values.shape, bool), frame.missing_can_frames
     for carrier in carriers:
         taxels = tuple(np.array([(field.row, field.col) for field in carrier.taxels], np.intp).reshape(-1, 2).T)
-        given = np.isin(status[taxels], (TaxelStatus.VALID, TaxelStatus.SATURATED))
-        missing += bool(given.any())
-        status[taxels] = np.where(given, np.uint8(TaxelStatus.STALE), status[taxels])
-        values[taxels] = np.nan
-    return frame._replace(values=read_only(values), status=read_only(status), missing_can_frames=missing)
+        missing += bool(frame.has_value[taxels].any())
+        untrusted[taxels] = True
+    return frame.without(untrusted & frame.has_value)._replace(missing_can_frames=missing)

@@ -13,7 +13,6 @@ from tactile_node.assembly.fault_text import node_label, order_text
 from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import BusFault, Failure
 from tactile_node.assembly.router import Router, non_data_kind
-from tactile_node.bus.threads import StoppableThread
 from tactile_node.cia301.objects import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE
 from tactile_node.errors import DeviceError, LogError
 from tactile_node.logs.log_lines import OneBus
@@ -21,6 +20,7 @@ from tactile_node.logs.log_reader import SET_BACK, CanLogReader
 from tactile_node.logs.logged_set_up import HeardNodes, LoggedSetUp
 from tactile_node.logs.replay_times import WHOLE, PlayedTimes, RecordedPace, TimeWindow
 from tactile_node.skin.pads import PadSettings, check_pads, identities_of
+from tactile_node.threads import StoppableThread
 
 logger = logging.getLogger(__name__)
 

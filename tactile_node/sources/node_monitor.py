@@ -15,7 +15,7 @@ from tactile_node.skin.pads import CanopenNode
 from tactile_node.skin.taxel_codec import without_values
 from tactile_node.sources.bus_watch import BusCounts
 from tactile_node.sources.node_state import NodeSeen, NodeState
-from tactile_node.sources.node_traffic import NodeTraffic
+from tactile_node.sources.sender_watch import SenderWatch
 from tactile_node.taxel_frame import TaxelFrame
 
 OVERLOAD_PATIENCE = 10  #: factor by which the allowed silence grows while this process is overloaded
@@ -51,7 +51,7 @@ class NodeMonitor:
         self._monitor = monitor
         self._heard = monitor.heartbeats.of(node.node_id)
         self.set_timeouts(heartbeat_timeout, data_timeout)
-        self.traffic = NodeTraffic(node, self._heard)
+        self.senders = SenderWatch(node, self._heard)
         self._configured: Setup | None = None
         self._trusted_from = 0.0  # time before which the node's TPDOs may not match the layout
         self._as_set = DeviceAsSet()
@@ -111,7 +111,7 @@ class NodeMonitor:
         """Record that the bus was opened. From now on, the node must be configured and is expected to send."""
         self._since = now
         self._configured = None
-        self.traffic.restart(now)
+        self.senders.restart(now)
 
     def configured(self, setup: Setup, now: float, as_set: DeviceAsSet) -> None:
         """Record that the node was configured.
@@ -141,7 +141,7 @@ class NodeMonitor:
         self._commanded = now
         self._data_at = now
         self._sync_at = now
-        self.traffic.expect_tpdos(now)
+        self.senders.expect_tpdos(now)
         self._used_then = pad.used_by_node[self.node.position]
 
     def look(self, now: float, is_active: bool, pad: PadFacts, bus: BusCounts) -> NodeSeen:
@@ -167,16 +167,16 @@ class NodeMonitor:
         if bus.syncs != self._syncs:
             self._syncs = bus.syncs
             self._sync_at = now
-        self._look_at_traffic(now, is_active, pad, bus)
+        self._look_at_senders(now, is_active, pad, bus)
         silence = now - self._data_at
         return NodeSeen(
-            is_active=is_active, setup_fault=self._setup_fault, are_two=self.traffic.are_two,
+            is_active=is_active, setup_fault=self._setup_fault, are_two=self.senders.are_two,
             is_silent=self._is_silent(now), is_operational=self._heard.state == NmtState.OPERATIONAL,
             # a node may take three heartbeat times, but at least 0.3 s, to execute a command and report its new state
             is_executing=now - self._commanded < max(0.3, 3 * (self._as_set.heartbeat_time or 0.0)),
             has_data=silence <= self._data_timeout or self.is_overloaded,
             has_new_data=silence <= self._data_timeout / 2 or self.is_overloaded,
-            misses_tpdos=bool(self.traffic.missing),
+            misses_tpdos=bool(self.senders.missing),
             misses_sync=self.node.layout.needs_sync and now - self._sync_at > self._data_timeout,
             has_taxels_again=used > self._used_then, data_at=self._data_at, refuses_check=self.refuses_check)
 
@@ -191,7 +191,7 @@ class NodeMonitor:
             emcy_count=emergencies.count, emcy_last=emergencies.last, emcy_active=emergencies.active,
             outages=outages.count, outage_seconds=outages.seconds, outage_last_reason=outages.cause,
             outage_present_reason=outages.current, frames_distrusted=self.frames_distrusted,
-            missing_tpdos=self.traffic.missing, surplus_tpdos=self.traffic.surplus, tpdo_order=self.traffic.order,
+            missing_tpdos=self.senders.missing, surplus_tpdos=self.senders.surplus, tpdo_order=self.senders.order,
             device_errors=self.device_errors, serial_number=self._as_set.serial_number)
 
     @property
@@ -206,20 +206,20 @@ class NodeMonitor:
     def _untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
         """Return those of the node's TPDOs (or its DOMAIN) whose values in ``frame`` may not match the layout."""
         carriers, ages = self.node.layout.carriers, frame.tpdo_ages
-        if not self.is_trusted or self.traffic.are_two:
+        if not self.is_trusted or self.senders.are_two:
             return carriers
         if ages is None:
             return () if acquired >= self._trusted_from else carriers
         return [carrier for carrier in carriers
                 if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self._trusted_from]
 
-    def _look_at_traffic(self, now: float, is_active: bool, pad: PadFacts, bus: BusCounts) -> None:
-        were_two = self.traffic.are_two
+    def _look_at_senders(self, now: float, is_active: bool, pad: PadFacts, bus: BusCounts) -> None:
+        were_two = self.senders.are_two
         is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
             self.is_trusted or were_two)  # a restarted device may have another heartbeat time
         heartbeat_time = self._as_set.heartbeat_time if is_known else None
-        self.traffic.look(now, is_active, pad, bus, heartbeat_time, self._data_timeout)
-        if were_two and not self.traffic.are_two:
+        self.senders.look(now, is_active, pad, bus, heartbeat_time, self._data_timeout)
+        if were_two and not self.senders.are_two:
             self._configured = None  # it is unknown which of the two devices was configured
 
     def _excuse_silence(self, ran_again: float) -> None:

@@ -124,7 +124,7 @@ class SupervisedNode:
         except InterruptedSetupError:
             pass
         except TwoDevicesError as error:
-            self.monitor.traffic.see_two(time.monotonic())
+            self.monitor.senders.see_two(time.monotonic())
             if self._retry_throttle.is_due(type(error).__name__, time.monotonic()):
                 logger.error('%s', error, extra={'fact': error})
         except (DeviceError, BusError) as error:

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from tactile_node.bus.bus_settings import BusSettings
-from tactile_node.bus.threads import StoppableThread
 from tactile_node.errors import BusError, TactileError
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.skin.pads import LivePad
 from tactile_node.sources.supervisor import Supervisor
 from tactile_node.taxel_frame import TaxelFrame
+from tactile_node.threads import StoppableThread
 from tactile_node.viewing.pad_recogniser import PadRecogniser
 from tactile_node.viewing.recordings import FACTS_PERIOD
 from tactile_node.viewing.source import Store, ViewSource

@@ -4,10 +4,9 @@ import math
 import threading
 import time
 
-from tactile_node.bus.threads import StoppableThread
 from tactile_node.errors import TactileError
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
-from tactile_node.threads import ReportedThread
+from tactile_node.threads import ReportedThread, StoppableThread
 from tactile_node.viewing.pad_recogniser import PadRecogniser
 from tactile_node.viewing.recordings import BagRecording, LogRecording
 from tactile_node.viewing.source import Store, ViewSource

@@ -18,7 +18,7 @@ MOST_PENDING = 3  #: number of TPDOs that may be pending in a device or an adapt
 Samples = deque[tuple[float, tuple[int, ...]]]
 
 
-class NodeTraffic:
+class SenderWatch:
     """Evaluates the counts of one node.
 
     Only one thread at a time may use this class, but any thread may read ``missing``, ``surplus`` and ``are_two``. Two

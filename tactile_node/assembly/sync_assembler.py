@@ -88,7 +88,7 @@ from tactile_node.skin.layout import SkinLayout
 MOST_LATE = 0.02
 
 
-class FrameAssembler(PadAssembler):
+class SyncAssembler(PadAssembler):
     """The state machine of one pad whose TPDOs answer SYNC.
 
     Parameters
@@ -100,6 +100,8 @@ class FrameAssembler(PadAssembler):
     one_clock : bool
         True if one clock stamps both TPDOs and SYNC.
     """
+
+    answers_sync = True
 
     def __init__(self, layout: SkinLayout, node_ids: Sequence[int], one_clock: bool = True):
         super().__init__(layout, node_ids)
@@ -118,10 +120,6 @@ class FrameAssembler(PadAssembler):
 
     @property
     def is_in_doubt(self) -> bool:
-        """True if no SYNC may be sent until the driver knows which SYNC each node is answering.
-
-        Any thread may read this property.
-        """
         return any(node.is_in_doubt for node in self._nodes.values())
 
     def restart(self) -> None:
@@ -141,7 +139,6 @@ class FrameAssembler(PadAssembler):
             self._nodes[node_id].start()
 
     def settle(self) -> None:
-        """Record that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
         for node in self._nodes.values():
             node.settle()
 
