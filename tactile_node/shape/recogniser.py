@@ -32,6 +32,7 @@ from tactile_node.shape.support import (
     as_far_as_it_holds,
     as_far_as_it_is_filled,
     is_convex,
+    is_sure,
     low_outline,
 )
 from tactile_node.shape.taught import Head, join, read_taught
@@ -178,14 +179,16 @@ class ShapeRecogniser:
     def _verified(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Return the recognition of each contact, with the confidence limited by the contact's low outline.
 
-        A contact is a pair of values and mask. The contacts and their low outlines are recognised in one call, which
-        takes little longer than the contacts alone.
+        A contact is a pair of values and mask. Only a sure shape needs the low outline, because the confidence in any
+        other shape is not limited.
         """
-        low = [low_outline(*contact) for contact in contacts]
-        lower = [(values, mask) for (values, _), mask in zip(contacts, low) if mask is not None]
-        found = self._recognise_contacts([*contacts, *lower])
-        of_low = iter(found[len(contacts):])
-        return [each if mask is None else as_far_as_it_holds(each, next(of_low)) for each, mask in zip(found, low)]
+        found = self._recognise_contacts(contacts)
+        low = {k: mask for k, each in enumerate(found) if is_sure(each)
+               and (mask := low_outline(*contacts[k])) is not None}
+        of_low = self._recognise_contacts([(contacts[k][0], mask) for k, mask in low.items()])
+        for k, each in zip(low, of_low):
+            found[k] = as_far_as_it_holds(found[k], each)
+        return found
 
     def _recognise_contacts(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Recognise each contact, a pair of values and mask, with the network for its kind of frame."""
