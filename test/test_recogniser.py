@@ -11,6 +11,7 @@ from tactile_node.contact.visibility import visibility_of
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.package_files import config_path
+from tactile_node.shape.fusion import RecognitionFusion
 from tactile_node.shape.invariants import describe_all
 from tactile_node.shape.methods import METHODS, completions, make_recogniser
 from tactile_node.shape.network import Network
@@ -105,6 +106,10 @@ def test_pressures_are_recognised_by_both_networks_and_the_outline_of_a_larger_c
     found = both.recognise(ContactPattern.of(frame > 0, frame)).probabilities
     assert found[Shape.SQUARE] == pytest.approx(share, abs=1e-4)
     assert found[Shape.CIRCLE] == pytest.approx(1 - share, abs=1e-4)
+    fusion = RecognitionFusion()
+    for number in range(50):
+        fused = fusion.update(0.1 * number, both.recognise(ContactPattern.of(frame > 0, frame))).recognition
+    assert fused.probabilities[Shape.SQUARE] == pytest.approx(share, abs=0.01), 'frames do not settle a disagreement'
     pressed = (frame > 0).astype(float)
     on_off = both.recognise(ContactPattern.of(frame > 0, pressed))
     assert on_off.shape is (Shape.UNKNOWN if side == 2 else Shape.SQUARE), 'on/off taxels have no second answer'

@@ -235,8 +235,8 @@ class _Examples(NamedTuple):
         if not used:
             return cls(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0, int), np.zeros(0, int), '')
         numbers, usable, shown = zip(*used)
-        probabilities, embedding, _ = recogniser.probabilities(usable, shown)
-        return cls(np.log(np.maximum(probabilities, LEAST_PROBABILITY)), embedding,
+        answers = recogniser.answers(usable, shown)
+        return cls(np.log(np.maximum(answers.mean, LEAST_PROBABILITY)), answers.embedding,
                    np.array([recogniser.outputs.index(touches[k].label) for k in numbers]), np.array(numbers),
                    KINDS[usable[0].graded])
 

@@ -10,9 +10,10 @@ Each frame adds its log-probabilities, following Bayes' rule, with two limits:
   immediately.
 
 Hidden taxels stay hidden, no matter how many frames agree. The fusion therefore keeps separate evidence for each
-assumption about the hidden taxels (`Recognition.alternatives`). The result is the weighted mean over these
-alternatives. A shape that the taxels do not support is treated in the same way, because later frames of the contact
-have no more taxels.
+assumption about the hidden taxels (`Recognition.alternatives`). The two networks of a contact with pressures are
+alternatives, too, because all frames come from the same skin. A shape that the taxels do not support is treated in the
+same way, because later frames of the contact have no more taxels. The result is the weighted mean over the
+alternatives.
 
 A frame in which the contact is not seen adds no evidence. Such a frame is reported as not seen, and the evidence of
 earlier frames is kept for the next frame.

@@ -2,7 +2,7 @@
 
 The recogniser has two small networks, one for on/off taxels and one for pressures. A contact with pressures is
 recognised by both networks, because skins differ more in their pressures than in the outlines of their contacts. The
-result is the mean of both answers. Each network returns six logits.
+result is the weighted mean of both answers. Each network returns six logits.
 Five logits belong to the five classes and are divided by a temperature fitted to validation patterns. The sixth logit
 is for a contact with none of the five shapes and has a bias.
 
@@ -26,7 +26,7 @@ from tactile_node.shape.adaptation import Adaptation, read_adaptations
 from tactile_node.shape.invariants import COUNT, LOG_TAXELS, OVERLAPS, describe_all
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
-from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
+from tactile_node.shape.recognition import Alternative, Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
 from tactile_node.shape.support import (
     as_far_as_it_fits,
     as_far_as_it_holds,
@@ -88,6 +88,37 @@ class Calibration(NamedTuple):
         return np.concatenate((odds / odds.sum(1, keepdims=True) * (1 - foreign), foreign), 1)
 
 
+class Answers(NamedTuple):
+    """The answers to K contacts of one kind of frame.
+
+    Contacts with pressures have A = 2 answers, the second from the network for on/off taxels. Contacts of on/off taxels
+    have one answer. An adaptation to a skin also gives a single answer.
+    """
+
+    weights: np.ndarray        #: weight of each answer, (A, K); the weights of a contact sum to 1
+    probabilities: np.ndarray  #: probabilities of the recogniser's ``outputs``, (A, K, outputs)
+    embedding: np.ndarray      #: (K, network.width)
+    geometry: np.ndarray       #: (K, invariants.COUNT)
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Weighted mean of the answers, (K, outputs)."""
+        return np.einsum('ak,akn->kn', self.weights, self.probabilities)
+
+    def recognition(self, contact: int, outputs: Sequence[ShapeClass]) -> Recognition:
+        """Return the recognition of a contact.
+
+        Frames that agree do not settle a disagreement of the networks, because every frame shows the same skin. The two
+        answers are therefore alternatives.
+        """
+        weights, probabilities = self.weights[:, contact], self.probabilities[:, contact]
+        named = Recognition.of(dict(zip(outputs, (weights @ probabilities).tolist())))
+        if not weights[1:].any():
+            return named
+        return named._replace(alternatives=tuple(Alternative(weight, dict(zip(outputs, answer)))
+                                                 for weight, answer in zip(weights.tolist(), probabilities.tolist())))
+
+
 class ShapeRecogniser:
     """Recognises the shape of a contact from on/off taxels or, more reliably, from pressures.
 
@@ -108,7 +139,7 @@ class ShapeRecogniser:
     Attributes
     ----------
     outputs : tuple[ShapeClass, ...]
-        Class of each column of `probabilities`.
+        Class of each column of the answers' probabilities.
     classes : tuple[ShapeClass, ...]
         All classes that a recognition may report.
     """
@@ -205,20 +236,18 @@ class ShapeRecogniser:
                 patches[patch.graded].append((k, patch))
         for alike in patches.values():
             if alike:
-                probabilities, _, geometry = self.probabilities([patch for _, patch in alike],
-                                                                [contacts[k] for k, _ in alike])
-                for (k, patch), of_outputs, numbers in zip(alike, probabilities.tolist(), geometry):
-                    named = Recognition.of(dict(zip(self.outputs, of_outputs)))
+                answers = self.answers([patch for _, patch in alike], [contacts[k] for k, _ in alike])
+                for number, (k, patch) in enumerate(alike):
+                    named = answers.recognition(number, self.outputs)
                     if patch.graded:
                         size = int(np.count_nonzero(contacts[k][1]))
-                        found[k] = as_far_as_it_fits(named, size, numbers[OVERLAPS])
+                        found[k] = as_far_as_it_fits(named, size, answers.geometry[number, OVERLAPS])
                     else:
                         found[k] = as_far_as_it_is_filled(named, *contacts[k])
         return found
 
-    def probabilities(self, patches: Sequence[Patch],
-                      contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the probabilities of the outputs for K contacts of one kind of frame.
+    def answers(self, patches: Sequence[Patch], contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> Answers:
+        """Return the answers to K contacts of one kind of frame.
 
         Parameters
         ----------
@@ -226,35 +255,37 @@ class ShapeRecogniser:
             Patches of the contacts, which are either all graded or all not graded.
         contacts : Sequence[tuple[np.ndarray, np.ndarray]]
             Values and mask of each contact, both (rows, cols).
-
-        Returns
-        -------
-        tuple[np.ndarray, np.ndarray, np.ndarray]
-            Probabilities, (K, len(outputs)), embedding, (K, network.width), and geometry, (K, invariants.COUNT).
         """
         kind = KINDS[patches[0].graded]
         outlines = _outlines(contacts) if patches[0].graded else {}
         both = geometry_of([*patches, *outlines.values()])
         geometry, of_outlines = both[:len(patches)], both[len(patches):]
         embedding = self.embedding(patches, geometry)
-        found = self.known(kind, embedding, geometry[:, LOG_TAXELS])
+        log_taxels = geometry[:, LOG_TAXELS]
+        known, weights = [self.known(kind, embedding, log_taxels)], [np.ones(len(patches))]
         if outlines:
-            answers = self.known('on_off', self.embedding(list(outlines.values()), of_outlines),
-                                 of_outlines[:, LOG_TAXELS])
-            which = list(outlines)
-            weight = np.minimum(np.exp(of_outlines[:, LOG_TAXELS, None]) / OUTLINE_TAXELS, 1.0)
-            found[which] = (found[which] + weight * answers) / (1 + weight)
+            which, log_sizes = list(outlines), of_outlines[:, LOG_TAXELS]
+            known.append(known[0].copy())
+            known[1][which] = self.known('on_off', self.embedding(list(outlines.values()), of_outlines), log_sizes)
+            weights.append(np.zeros(len(patches)))
+            weights[1][which] = np.minimum(np.exp(log_sizes) / OUTLINE_TAXELS, 1.0)
         # Only the five shapes have to be convex, so this check comes before the heads of taught shapes. On/off contacts
         # are not checked, because silent lines break the rim of such a contact into pieces that do not look convex.
         convex = np.array([not patch.graded or is_convex(*contact) for patch, contact in zip(patches, contacts)])
-        found[~convex] = _as_foreign(found[~convex])
-        if kind in self._heads:
-            found = join(found, self._heads[kind].evidence(embedding, geometry[:, LOG_TAXELS]))
-        else:
-            found = np.pad(found, ((0, 0), (0, len(self._taught))))
-        if kind in self._adaptations:
-            found = self._adaptations[kind].applied(found, embedding)
-        return found, embedding, geometry
+        found = []
+        for each in known:
+            each[~convex] = _as_foreign(each[~convex])
+            if kind in self._heads:
+                each = join(each, self._heads[kind].evidence(embedding, log_taxels))
+            else:
+                each = np.pad(each, ((0, 0), (0, len(self._taught))))
+            found.append(each)
+        answers = Answers(np.array(weights) / np.sum(weights, 0), np.array(found), embedding, geometry)
+        if kind not in self._adaptations:
+            return answers
+        # `tactile assess` fits an adaptation to the mean of the answers
+        adapted = self._adaptations[kind].applied(answers.mean, embedding)
+        return answers._replace(weights=np.ones((1, len(patches))), probabilities=adapted[None])
 
     def embedding(self, patches: Sequence[Patch], geometry: np.ndarray) -> np.ndarray:
         """Return the embedding of K patches, from which the heads and adaptations compute their results.

@@ -65,10 +65,11 @@ class Alternative(NamedTuple):
 class Recognition(NamedTuple):
     """The most probable shape of a contact and the probability of each class.
 
-    ``probabilities`` holds every Shape, then the taught shapes, and sums to 1. If hidden taxels may change the shape,
-    ``alternatives`` holds the probabilities for each way of reading the hidden taxels. If the taxels do not support the
-    shape, one of the alternatives is UNKNOWN. If there are alternatives, ``probabilities`` is their weighted mean, and
-    no number of frames makes the result certain.
+    ``probabilities`` holds every Shape, then the taught shapes, and sums to 1. ``alternatives`` holds the answers of
+    both networks to a contact with pressures. If hidden taxels may change the shape, ``alternatives`` holds the answers
+    for each way of reading the hidden taxels. If the taxels do not support the shape, one of the alternatives is
+    UNKNOWN. If there are alternatives, ``probabilities`` is their weighted mean. As long as they differ, no number of
+    frames makes the result certain.
     """
 
     shape: ShapeClass
@@ -151,9 +152,11 @@ class Recognition(NamedTuple):
 
         If ``one`` is the reported shape, ``other`` is reported instead.
         """
-        probabilities = {**self.probabilities, one: self.probabilities[other], other: self.probabilities[one]}
-        return self._replace(shape=other if self.shape is one else self.shape,
-                             probabilities=MappingProxyType(probabilities))
+        def swapped(probabilities: Mapping[ShapeClass, float]) -> Mapping[ShapeClass, float]:
+            return MappingProxyType({**probabilities, one: probabilities[other], other: probabilities[one]})
+        return self._replace(
+            shape=other if self.shape is one else self.shape, probabilities=swapped(self.probabilities),
+            alternatives=tuple(Alternative(weight, swapped(each)) for weight, each in self.alternatives))
 
     def over(self, classes: Sequence[ShapeClass]) -> 'Recognition':
         """Return a copy with a probability for each of ``classes``, in order, and 0 for each missing class."""
