@@ -24,7 +24,7 @@ NOISE = 1.0          #: Standard deviation of the white noise [N].
 #: (UniversalRobots/Universal_Robots_ROS_Driver#633). A warm sensor drifts less.
 DRIFT = 4.0 / 300
 TARE_TIME = BASELINE_TIME  #: Time over which the tare is taken [s], the same as for the pads.
-WINDOWS = (0.05, 0.1, 0.15, 0.2, 0.3, 0.5)  #: Windows of the moving average [s].
+WINDOWS = (0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)  #: Windows of the moving average [s].
 THRESHOLD_STEP = 0.1    #: Thresholds are multiples of this force [N].
 TUNING_MINUTES = 600.0  #: Time in the air in which a tuned threshold is never exceeded [min].
 TUNING_TOUCHES = 1000   #: Number of touches from which the window is chosen.
