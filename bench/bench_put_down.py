@@ -36,7 +36,7 @@ import numpy as np
 from event_world import KINDS, RATE, Path, shaken
 from put_down_world import STIFFNESS, Descent, Hand
 from scipy.stats import binomtest
-from wrist_sensor import HIGHEST, duration, errors, false_touches, met_at, reading_times, tuned
+from wrist_sensor import HIGHEST, NOISES, duration, errors, false_touches, met_at, reading_times, tuned
 
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.gripper.rules.put_down import HeldContact, HeldReading, PutDown, PutDownOutcome
@@ -57,9 +57,10 @@ AIR_MINUTES = 60.0   #: Time in the air in which the false touches of the wrist 
 #: Ways to stop the arm. After each other ending of a goal than a touch, *touch*, *example* and *both* stop the arm.
 COLUMNS = {
     'blind': 'stops and opens at the expected height of the table',
-    'wrist': 'stops and opens when the wrist sensor detects the table',
+    **{f'wrist {noise:g} N': 'stops and opens when a wrist sensor with this noise detects the table'
+       for noise in NOISES},
     'touch': 'stops and opens when the goal ends as SOMETHING_TOUCHES',
-    'example': 'stops as touch, and opens if the wrist detects the table within WITNESSED of the touch',
+    'example': 'stops as touch, and opens if the first wrist sensor detects the table within WITNESSED of the touch',
     'both': 'stops at the first of the two signals, and opens if the other one follows within WITNESSED',
     'first': 'stops and opens at the first of the two signals',
 }
@@ -102,31 +103,37 @@ def compared(recogniser: VisibilityGuard, number: int, weight: float, speed: flo
     rng, lowest = generator(Purpose.EVALUATION, SEED + 50_000 + number), duration(speed)
     height = rng.uniform(-HIGHEST, HIGHEST)
     descent = Descent(weight, speed, met_at(height, speed), pushes=True)
-    rule, error, times = tuned(speed, STOPPING, WEIGHTS), errors(rng, 1, speed)[0], reading_times(speed)
+    error, times = {noise: errors(rng, 1, speed, noise)[0] for noise in NOISES}, reading_times(speed)
 
-    def wrist(stopped: float = np.inf) -> np.ndarray:
+    def wrist(noise: float = NOISES[0], stopped: float = np.inf) -> np.ndarray:
         """Return the times at which the wrist begins to feel the table if the arm stands still from ``stopped`` on."""
-        feels = rule.exceeded(error + descent.pressed(np.minimum(times, stopped)))
+        rule = tuned(speed, STOPPING, WEIGHTS, noise)
+        feels = rule.exceeded(error[noise] + descent.pressed(np.minimum(times, stopped)))
         return times[1:][feels[1:] & ~feels[:-1]]
 
-    def pads(until: float, stopped: float = np.inf) -> tuple[float, bool]:
-        """Return the time at which the planner receives the result, and True if something touches the object."""
+    def pads(until: float, stopped: float = np.inf) -> tuple[float, str]:
+        """Return the time at which the planner receives the result, and the outcome."""
         hand = Hand(generator(Purpose.EVALUATION, SEED + 60_000 + number), kind, recogniser)
         found = next(ends(hand.see(lambda time: descent.path(min(time, stopped)), until)), None)
-        return (found[0] + LATENCY, found[1] is PutDownOutcome.SOMETHING_TOUCHES) if found else (np.inf, False)
+        return (found[0] + LATENCY, found[1].name) if found else (np.inf, 'nothing')
 
-    def agrees(result: float, stopped: float) -> bool:
-        return bool((np.abs(wrist(stopped) - result) <= WITNESSED).any())
+    def agrees(result: float, outcome: str, stopped: float) -> bool:
+        """Return True if the goal ended with a touch and the wrist began to feel the table at about the same time."""
+        near = np.abs(wrist(stopped=stopped) - result) <= WITNESSED
+        return outcome == PutDownOutcome.SOMETHING_TOUCHES.name and bool(near.any())
 
-    felt, (result, is_touch) = min(wrist(), default=np.inf), pads(lowest)
-    first = min(felt, result) + STOPPING
-    confirmed, is_confirmed = (result, is_touch) if result <= felt else pads(felt + WITNESSED, first)
-    stops = {'blind': (met_at(0.0, speed), True), 'wrist': (felt + STOPPING, True),
+    felt = {noise: min(wrist(noise), default=np.inf) for noise in NOISES}
+    earliest, (result, outcome) = felt[NOISES[0]], pads(lowest)
+    is_touch = outcome == PutDownOutcome.SOMETHING_TOUCHES.name
+    first = min(earliest, result) + STOPPING
+    second = (result, outcome) if result <= earliest else pads(earliest + WITNESSED, first)
+    stops = {'blind': (met_at(0.0, speed), True),
+             **{f'wrist {noise:g} N': (felt[noise] + STOPPING, True) for noise in NOISES},
              'touch': (result + STOPPING, is_touch),
-             'example': (result + STOPPING, is_touch and agrees(result, result + STOPPING)),
-             'both': (first, is_confirmed and agrees(confirmed, first)),
-             'first': (min(felt, result if is_touch else np.inf) + STOPPING, True)}
-    return {'weight': weight, 'speed': speed, 'kind': kind, 'height': height, 'columns': {
+             'example': (result + STOPPING, agrees(result, outcome, result + STOPPING)),
+             'both': (first, agrees(*second, first)),
+             'first': (min(earliest, result if is_touch else np.inf) + STOPPING, True)}
+    return {'weight': weight, 'speed': speed, 'kind': kind, 'height': height, 'outcome': outcome, 'columns': {
         column: {'opened': bool(opens and time < lowest), 'above': max(0.0, descent.met - min(time, lowest)) * speed,
                  'pressed': descent.pressed(min(time, lowest))} for column, (time, opens) in stops.items()}}
 
@@ -171,7 +178,7 @@ def report(what: str, results: list[dict]) -> None:
         return
     if what == 'rivals':
         for speed in dict.fromkeys(each['speed'] for each in results):
-            report_rivals(speed, [each['columns'] for each in results if each['speed'] == speed])
+            report_rivals(speed, [each for each in results if each['speed'] == speed])
         return
     names = ('weight', 'speed', 'lever')
     for case in dict.fromkeys(tuple(each[name] for name in names) for each in results):
@@ -190,13 +197,15 @@ def report(what: str, results: list[dict]) -> None:
               f'{len(touched)} of {len(of_case)} {text} {others}')
 
 
-def report_rivals(speed: float, starts: list[dict[str, dict]]) -> None:
+def report_rivals(speed: float, starts: list[dict]) -> None:
     """Print how the columns ended at one speed, and the false touches of the wrist."""
-    rule = tuned(speed, STOPPING, WEIGHTS)
-    false = false_touches(rule, generator(Purpose.EVALUATION, SEED + 70_000), AIR_MINUTES, speed)
-    print(f'{1e3 * speed:g} mm/s, {len(starts)} starts; wrist: {rule}, {false} false touches in {AIR_MINUTES:g} min')
+    print(f'{1e3 * speed:g} mm/s, {len(starts)} starts, {dict(Counter(each["outcome"] for each in starts))}')
+    for noise in NOISES:
+        rule, rng = tuned(speed, STOPPING, WEIGHTS, noise), generator(Purpose.EVALUATION, SEED + 70_000)
+        false = false_touches(rule, rng, AIR_MINUTES, speed, noise)
+        print(f'wrist {noise:g} N: mean over {rule.window:g} s above {rule.threshold:.1f} N, {false} false touches in {AIR_MINUTES:g} min')
     for column, meaning in COLUMNS.items():
-        records = [each[column] for each in starts]
+        records = [each['columns'][column] for each in starts]
         drops = [1e3 * each['above'] for each in records if each['opened'] and each['above'] > 0]
         placed = sum(each['opened'] and each['above'] == 0 for each in records)
         low, high = (100 * limit for limit in binomtest(placed, len(records)).proportion_ci(method='wilson'))

@@ -19,7 +19,7 @@ HIGHEST = 0.03       #: Largest error of the expected height of the table [m].
 LOWEST = -0.035      #: Height at which each arm stops, from the expected height of the table [m].
 AHEAD = 2.5          #: Time from the beginning of the descent to the highest possible table [s].
 WRIST_RATE = 100     #: Readings per second.
-NOISE = 1.0          #: Standard deviation of the white noise [N].
+NOISES = (1.0, 2.0, 4.0)  #: Standard deviations of the white noise [N].
 #: Largest drift [N/s]. The sensor of a UR arm at rest drifted by 4 N in about five minutes after its start
 #: (UniversalRobots/Universal_Robots_ROS_Driver#633). A warm sensor drifts less.
 DRIFT = 4.0 / 300
@@ -52,10 +52,10 @@ def reading_times(speed: float) -> np.ndarray:
     return np.arange(round(duration(speed) * WRIST_RATE)) / WRIST_RATE
 
 
-def errors(rng: np.random.Generator, count: int, speed: float) -> np.ndarray:
+def errors(rng: np.random.Generator, count: int, speed: float, noise: float) -> np.ndarray:
     """Return the error of the sensor in ``count`` descents after the tare [N]. Shape: (count, number of readings)."""
     times = reading_times(speed)
-    values = rng.uniform(-DRIFT, DRIFT, (count, 1)) * times + NOISE * rng.standard_normal((count, len(times)))
+    values = rng.uniform(-DRIFT, DRIFT, (count, 1)) * times + noise * rng.standard_normal((count, len(times)))
     tare = values[:, :round(TARE_TIME * WRIST_RATE)].mean(axis=1, keepdims=True)
     offset: np.ndarray = values - tare
     return offset
@@ -74,7 +74,7 @@ def after_tare(values: np.ndarray) -> np.ndarray:
 
 
 @cache
-def tuned(speed: float, stopping: float, weights: tuple[float, ...]) -> WristRule:
+def tuned(speed: float, stopping: float, weights: tuple[float, ...], noise: float) -> WristRule:
     """Return the best rule for the tuning seeds.
 
     For each window, the threshold is the smallest one that no descent through the air exceeds in TUNING_MINUTES. The
@@ -88,18 +88,21 @@ def tuned(speed: float, stopping: float, weights: tuple[float, ...]) -> WristRul
         Time from the detection until the arm stands still [s].
     weights : tuple of float
         Weights of the objects on each pad [normal force].
+    noise : float
+        Standard deviation of the white noise [N].
     """
     rng, times = generator(Purpose.VALIDATION, TUNING_SEED), reading_times(speed)
-    air = errors(rng, int(np.ceil(60 * TUNING_MINUTES / (times[-1] - TARE_TIME))), speed)
+    air = errors(rng, int(np.ceil(60 * TUNING_MINUTES / (times[-1] - TARE_TIME))), speed, noise)
     heights = rng.uniform(-HIGHEST, HIGHEST, TUNING_TOUCHES)
     descents = [Descent(weights[number % len(weights)], speed, met_at(height, speed), pushes=True)
                 for number, height in enumerate(heights)]
-    touches = errors(rng, TUNING_TOUCHES, speed) + [each.pressed(times) for each in descents]
+    touches = errors(rng, TUNING_TOUCHES, speed, noise) + [each.pressed(times) for each in descents]
 
     def candidate(window: float) -> tuple[float, WristRule]:
         highest = after_tare(smoothed(air, window)).max()
         rule = WristRule(window, float(np.ceil(highest / THRESHOLD_STEP)) * THRESHOLD_STEP)
-        found = times[rule.exceeded(touches).argmax(axis=1)]
+        is_above = rule.exceeded(touches)
+        found = np.where(is_above.any(axis=1), times[is_above.argmax(axis=1)], np.inf)
         return float(np.mean([each.pressed(time + stopping) for each, time in zip(descents, found)])), rule
     return min(map(candidate, WINDOWS))[1]
 
@@ -109,7 +112,7 @@ def met_at(height: float, speed: float) -> float:
     return AHEAD + (HIGHEST - height) / speed
 
 
-def false_touches(rule: WristRule, rng: np.random.Generator, minutes: float, speed: float) -> int:
+def false_touches(rule: WristRule, rng: np.random.Generator, minutes: float, speed: float, noise: float) -> int:
     """Return the number of descents through the air in ``minutes`` in which the rule detects a table."""
     watched = reading_times(speed)[-1] - TARE_TIME
-    return int(rule.exceeded(errors(rng, int(np.ceil(60 * minutes / watched)), speed)).any(axis=1).sum())
+    return int(rule.exceeded(errors(rng, int(np.ceil(60 * minutes / watched)), speed, noise)).any(axis=1).sum())
