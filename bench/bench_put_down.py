@@ -203,7 +203,8 @@ def report_rivals(speed: float, starts: list[dict]) -> None:
     for noise in NOISES:
         rule, rng = tuned(speed, STOPPING, WEIGHTS, noise), generator(Purpose.EVALUATION, SEED + 70_000)
         false = false_touches(rule, rng, AIR_MINUTES, speed, noise)
-        print(f'wrist {noise:g} N: mean over {rule.window:g} s above {rule.threshold:.1f} N, {false} false touches in {AIR_MINUTES:g} min')
+        print(f'wrist {noise:g} N: mean over {rule.window:g} s above {rule.threshold:.1f} N, '
+              f'{false} false touches in {AIR_MINUTES:g} min')
     for column, meaning in COLUMNS.items():
         records = [each['columns'][column] for each in starts]
         drops = [1e3 * each['above'] for each in records if each['opened'] and each['above'] > 0]
