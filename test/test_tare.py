@@ -275,3 +275,20 @@ def test_after_the_devices_zero_a_tare_that_fails_leaves_no_valid_value():
     assert pad.zero_state is ZeroState.DEVICE_NOT_CHECKED
     tared(pad, [frame([[0.25, 0.25]])], 3)
     assert pad.feed(frame([[1.25, 0.25]])).values.tolist() == [[1, 0]] and pad.zero_state is ZeroState.VALID
+
+
+def test_a_frame_that_meets_the_zeroing_of_the_device_has_no_value():
+    """The state of the zero and the zero itself must not come from before and after a tare."""
+    pad, has_asked, given = TaredPad(GUARD), threading.Event(), []
+
+    def boots():
+        has_asked.set()
+        return 0
+    pad._boots = boots  # called when a frame asks for the state of the zero
+    with pad._changed:
+        feeding = threading.Thread(target=lambda: given.append(pad.feed(frame([[7.0, 7.0]]))))
+        feeding.start()
+        has_asked.wait(0.2)  # a frame that asks before it may go on has the old state
+        pad._zero_state, pad.offset = ZeroState.DEVICE_IS_ZEROING, None
+    feeding.join()
+    assert not given[0].has_value.any()

@@ -88,7 +88,8 @@ class ConditionedPad:
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
         """Return the conditioned frame."""
-        zero = 0.0 if self.tared.offset is None else self.tared.offset
+        offset = self.tared.offset  # read once, because a tare may replace it meanwhile
+        zero = 0.0 if offset is None else offset
         found = self.detector.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED)
         if found is not self._found:
             self._found = found

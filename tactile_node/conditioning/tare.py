@@ -252,8 +252,8 @@ class TaredPad:
 
     def feed(self, frame: TaxelFrame) -> TaxelFrame:
         """Return the frame with the zero subtracted."""
-        is_valid = self.zero_state is ZeroState.VALID
-        with self._changed:
+        with self._changed:  # the state and the zero must belong together
+            is_valid = self.zero_state is ZeroState.VALID
             if self._wanted and not frame.missing_can_frames:
                 self._taken.append(frame.values)
                 self._wanted -= 1
@@ -263,11 +263,12 @@ class TaredPad:
                 is_contact = bool(self._guard.pressed(frame.values[np.newaxis], zero).any())
                 is_faulty = np.isin(frame.status, (TaxelStatus.DEAD, TaxelStatus.FAULTY))
                 self.offset = drift.update(frame.stamp, frame.values, zero, is_faulty, is_contact)
+            offset = self.offset
         if not is_valid:
             return frame.without(frame.has_value)
-        if self.offset is None:
+        if offset is None:
             return frame
-        return frame._replace(values=read_only((frame.values - self.offset).astype(np.float32, copy=False)))
+        return frame._replace(values=read_only((frame.values - offset).astype(np.float32, copy=False)))
 
     def tare(self, frames: int, limit: float, timeout: float) -> Tare:
         """Average the next complete frames to obtain a new zero.

@@ -176,11 +176,11 @@ class MessageGuard(Generic[Message]):
         """Return OTHER_TYPE if a publisher uses another version of the message type.
 
         The types are read again only if the publishers may have changed: if their number differs, or if the sequence
-        has a gap.
+        has a gap that overtaken frames do not explain.
         """
         if not self._kind_is_of_chain:
             return None
-        is_next = self._sequence is not None and message.sequence == self._sequence + 1
+        is_next = self._sequence is not None and message.sequence - self._sequence == 1 + _left_out_before(message)
         if self.publishers != self._typed_publishers or not is_next:
             self._typed_publishers = self.publishers
             self._other_types = publishers_of_other_type(self._node, self.topic)

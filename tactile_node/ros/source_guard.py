@@ -3,8 +3,8 @@
 import math
 
 #: Time for which a source counts as present after its last message [s]. A busy machine may delay a driver by a few
-#: tenths of a second just when another driver starts. A restarted driver takes longer than SOURCE_HOLD to send its
-#: first message.
+#: tenths of a second just when another driver starts. A restarted process takes longer than SOURCE_HOLD to send its
+#: first message. A driver that is deactivated and activated again may be faster; its first messages are then refused.
 SOURCE_HOLD = 1.0
 SOURCE_REACH = 10  #: number of frames by which a source may always advance; a larger advance must fit the elapsed time
 SOURCE_LEAP = 1.5  #: factor by which the frame rate of a source may exceed its earlier rate

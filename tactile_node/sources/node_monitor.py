@@ -31,8 +31,8 @@ class Setup(NamedTuple):
 class NodeMonitor:
     """Observes one node of a pad: its configuration, heartbeats, TPDOs and errors.
 
-    The monitor decides nothing; `step` decides on the result of `look`. Only one thread at a time may use the monitor,
-    but any thread may call ``facts``.
+    The monitor decides nothing; `step` decides on the result of `look`. Only the supervisor's thread may use the
+    monitor, but any thread may call ``facts``, and the chain reads whether the node is trusted.
 
     Parameters
     ----------
