@@ -88,7 +88,7 @@ class Calibration(NamedTuple):
         return np.concatenate((odds / odds.sum(1, keepdims=True) * (1 - foreign), foreign), 1)
 
 
-class Answers(NamedTuple):
+class NetworkAnswers(NamedTuple):
     """The answers to K contacts of one kind of frame.
 
     Contacts with pressures have A = 2 answers, the second from the network for on/off taxels. Contacts of on/off taxels
@@ -246,7 +246,7 @@ class ShapeRecogniser:
                         found[k] = as_far_as_it_is_filled(named, *contacts[k])
         return found
 
-    def answers(self, patches: Sequence[Patch], contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> Answers:
+    def answers(self, patches: Sequence[Patch], contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> NetworkAnswers:
         """Return the answers to K contacts of one kind of frame.
 
         Parameters
@@ -280,7 +280,7 @@ class ShapeRecogniser:
             else:
                 each = np.pad(each, ((0, 0), (0, len(self._taught))))
             found.append(each)
-        answers = Answers(np.array(weights) / np.sum(weights, 0), np.array(found), embedding, geometry)
+        answers = NetworkAnswers(np.array(weights) / np.sum(weights, 0), np.array(found), embedding, geometry)
         if kind not in self._adaptations:
             return answers
         # `tactile assess` fits an adaptation to the mean of the answers

@@ -56,9 +56,9 @@ SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Sha
 
 
 class Alternative(NamedTuple):
-    """The probabilities for one way of reading the hidden taxels of a contact."""
+    """The probabilities from one network, for one way of reading the hidden taxels of a contact."""
 
-    weight: float  #: weight of this reading; all weights sum to 1
+    weight: float  #: weight of this alternative; all weights sum to 1
     probabilities: Mapping[ShapeClass, float]
 
 
