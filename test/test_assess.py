@@ -25,7 +25,7 @@ from tactile_node.learning.skin_measures import measure_skin, with_even_gains
 from tactile_node.learning.taught_file import write_taught
 from tactile_node.learning.touches import AnyTouchFinder, Touches, TouchFrame, Unused
 from tactile_node.package_files import config_path
-from tactile_node.shape.adaptation import Adaptation, arrays_of
+from tactile_node.shape.adaptation import ADAPTATION_VERSION, Adaptation, arrays_of
 from tactile_node.shape.fusion import RecognitionFusion
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.shape.patch import make_patch
@@ -309,7 +309,7 @@ def without(name):
 
 
 HOSTILE = {
-    'another version': changed('version', 2), 'version of text': changed('version', 'one'),
+    'another version': changed('version', ADAPTATION_VERSION + 1), 'version of text': changed('version', 'one'),
     'no version': without('version'), 'no temperature': without('temperature'), 'no weights': without('weights'),
     'temperature 0': changed('temperature', 0.0), 'temperature below 0': changed('temperature', -1.0),
     'tiny temperature': changed('temperature', 1e-300), 'huge temperature': changed('temperature', 1e9),

@@ -11,7 +11,7 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.fusion import FusionSettings, RecognitionFusion
-from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, UnknownReason
+from tactile_node.shape.recognition import Alternative, Recognition, Shape, TaughtShape, UnknownReason
 from training.ground_truth.seeds import Purpose, generator
 
 PERIOD = 0.01
@@ -102,6 +102,44 @@ def test_repeated_frames_do_not_reveal_hidden_taxels():
     for k in range(200):
         single = apart.update(k * PERIOD, Recognition.of(frame.probabilities))
     assert single.recognition.confidence > 0.95
+
+
+@pytest.mark.parametrize('is_doubted', [lambda k: False, lambda k: True, lambda k: k % 2 == 0, lambda k: k % 5 < 2])
+def test_a_doubt_that_comes_and_goes_does_not_settle_a_disagreement(is_doubted):
+    """The networks disagree in all frames, and in some frames the shape is also unsupported."""
+    frame = Recognition.of({Shape.SQUARE: 0.85, Shape.RECTANGLE: 0.15})._replace(alternatives=(
+        Alternative('own', 0.85, Recognition.of({Shape.SQUARE: 0.95, Shape.RECTANGLE: 0.05}).probabilities),
+        Alternative('outline', 0.15, Recognition.of({Shape.SQUARE: 0.3, Shape.RECTANGLE: 0.7}).probabilities)))
+    doubted = frame.no_surer_than(0.85, UnknownReason.UNFAMILIAR)
+    fusion = RecognitionFusion()
+    found = [fusion.update(k * PERIOD, doubted if is_doubted(k) else frame) for k in range(200)]
+    assert found[-1].recognition.shape is Shape.SQUARE
+    assert all(each.recognition.confidence < 0.9 for each in found)
+
+
+def test_an_alternative_that_begins_has_the_evidence_of_the_earlier_frames():
+    """The answer for a contact that has just become large enough for a second answer stays the same."""
+    fusion = RecognitionFusion()
+    before = feed(fusion, [SQUARE] * 100)[-1].recognition
+    same = Recognition.of(SQUARE)
+    both = same._replace(alternatives=tuple(Alternative(name, 0.5, same.probabilities) for name in ('own', 'outline')))
+    after = fusion.update(100 * PERIOD, both).recognition
+    assert after.confidence == pytest.approx(before.confidence, abs=0.02)
+
+
+def test_an_object_that_covers_the_pad_is_no_evidence_even_if_the_networks_have_answers():
+    answers = Recognition.of({Shape.UNKNOWN: 0.7, Shape.SQUARE: 0.3})
+    both = answers._replace(alternatives=tuple(Alternative(name, 0.5, answers.probabilities)
+                                               for name in ('own', 'outline')))
+    assert both.is_evidence and not both._replace(reason=UnknownReason.COVERS_PAD).is_evidence
+
+
+def test_a_class_that_an_alternative_lacks_has_no_probability():
+    cup = TaughtShape('cup')
+    frame = Recognition.of({Shape.SQUARE: 0.8, cup: 0.2})._replace(alternatives=(
+        Alternative('own', 1.0, Recognition.of({Shape.SQUARE: 1.0}).probabilities),))
+    found = RecognitionFusion().update(0.0, frame).recognition
+    assert found.shape is Shape.SQUARE and found.probabilities[cup] < 0.01
 
 
 def test_the_reason_of_unknown_is_that_of_the_frames():

@@ -266,7 +266,7 @@ def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidd
     if hidden:
         # The plain recogniser does not consider other possible contents of the hidden rows.
         assert recogniser.recognise(pattern_of(frame)).confidence > found.confidence, 'hidden rows must lower it'
-        assert len(found.alternatives) == 4 and sum(weight for weight, _ in found.alternatives) == pytest.approx(1)
+        assert len(found.alternatives) == 4 and sum(each.weight for each in found.alternatives) == pytest.approx(1)
         assert sum(found.probabilities.values()) == pytest.approx(1)
     else:
         assert (found.shape, found.alternatives) == (Shape.RECTANGLE, ())

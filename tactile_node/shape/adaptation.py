@@ -16,7 +16,7 @@ import numpy as np
 
 from tactile_node.taxel_frame import read_only
 
-ADAPTATION_VERSION = 1      #: Version of the adaptation's arrays in a file.
+ADAPTATION_VERSION = 2      #: Version of the adaptation's arrays in a file.
 ADAPTATION_MARK = '_skin_'  #: Part of the name of each array that belongs to an adaptation.
 LEAST_PROBABILITY = 1e-6    #: Lower limit of a probability, so that the adaptation can make every class likelier.
 

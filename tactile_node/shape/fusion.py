@@ -10,10 +10,10 @@ Each frame adds its log-probabilities, following Bayes' rule, with two limits:
   immediately.
 
 Hidden taxels stay hidden, no matter how many frames agree. The fusion therefore keeps separate evidence for each
-assumption about the hidden taxels (`Recognition.alternatives`). The two networks of a contact with pressures are
-alternatives, too, because all frames come from the same skin. A shape that the taxels do not support is treated in the
-same way, because later frames of the contact have no more taxels. The result is the weighted mean over the
-alternatives.
+assumption about the hidden taxels (`Recognition.alternatives`), by its name. The two networks of a contact with
+pressures are alternatives, too, because all frames come from the same skin. A shape that the taxels do not support is
+treated in the same way, because later frames of the contact have no more taxels. The result is the weighted mean over
+the alternatives. An alternative that the previous frame did not have begins with the fused evidence.
 
 A frame in which the contact is not seen adds no evidence. Such a frame is reported as not seen, and the evidence of
 earlier frames is kept for the next frame.
@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.shape.recognition import Alternative, Recognition, Shape, ShapeClass, UnknownReason
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, UnknownReason
 
 TOUCHING_CLASSES: tuple[ShapeClass, ...] = tuple(shape for shape in Shape if shape is not Shape.NONE)
 
@@ -103,13 +103,11 @@ class RecognitionFusion:
         """
         self._stamp: float | None = None
         self._shape: ShapeClass | None = None
-        self._touching = TOUCHING_CLASSES
         self._since = 0.0
         self._frames = 0
         self._reason = UnknownReason.UNFAMILIAR
         self._is_over = True
-        self._evidence = np.zeros((1, len(TOUCHING_CLASSES)))  # one row for each alternative
-        self._weights = np.ones(1)
+        self._start(TOUCHING_CLASSES)
 
     def update(self, stamp: float, frame: Recognition) -> FusedRecognition:
         """Add the recognition of one frame, and return the fused result.
@@ -144,8 +142,7 @@ class RecognitionFusion:
                 or not 0 <= passed <= self._settings.max_gap):
             self.reset()
             passed = float('inf')
-            self._touching = touching
-            self._evidence = np.zeros((1, len(touching)))
+            self._start(touching)
         self._stamp = stamp
         self._is_over = ends
         if frame.shape is Shape.NONE:
@@ -156,29 +153,33 @@ class RecognitionFusion:
         shares = self._shares()
         return self._report(stamp, self._chosen(), Recognition.of(dict(zip(self._touching, shares.tolist()))))
 
+    def _start(self, touching: tuple[ShapeClass, ...]) -> None:
+        self._touching = touching
+        self._evidence = {'': np.zeros(len(touching))}  # by the name of the alternative
+        self._weights = {'': 1.0}
+
     def _add(self, frame: Recognition, passed: float) -> None:
-        alternatives = frame.alternatives or (Alternative(1.0, frame.probabilities),)
-        seen = np.array([[probabilities[shape] for shape in self._touching] for _, probabilities in alternatives])
-        if len(self._evidence) != len(seen):
-            self._evidence = np.tile(self._together(), (len(seen), 1))
-        self._weights = np.array([weight for weight, _ in alternatives])
-        fading = exp(-passed / self._settings.memory)
-        evidence = self._evidence * fading
-        evidence += self._settings.gain(passed) * np.log(np.maximum(seen, self._settings.floor))
-        # Every class stays within `lead` of the leading class, so that a change is followed in bounded time.
-        self._evidence = np.maximum(evidence - evidence.max(1, keepdims=True), -self._settings.lead)
+        fading, gain = exp(-passed / self._settings.memory), self._settings.gain(passed)
+        before, together = self._evidence, self._together()
+        self._evidence, self._weights = {}, {}
+        for name, weight, probabilities in frame.alternatives or (frame.alone,):
+            seen = np.array([probabilities.get(shape, 0.0) for shape in self._touching])
+            evidence = fading * before.get(name, together) + gain * np.log(np.maximum(seen, self._settings.floor))
+            # Every class stays within `lead` of the leading class, so that a change is followed in bounded time.
+            self._evidence[name] = np.maximum(evidence - evidence.max(), -self._settings.lead)
+            self._weights[name] = weight
 
     def _together(self) -> np.ndarray:
-        """Combine the evidence of all alternatives into one row, with 0 for the leading class."""
+        """Combine the evidence of all alternatives into one array, with 0 for the leading class."""
         if len(self._evidence) == 1:
-            return self._evidence[0]
+            return next(iter(self._evidence.values()))
         evidence = np.log(self._shares())
         return np.maximum(evidence - evidence.max(), -self._settings.lead)
 
     def _shares(self) -> np.ndarray:
         """Return the probability of each class, as the weighted mean over the alternatives."""
-        weights = np.exp(self._evidence)
-        return self._weights @ (weights / weights.sum(1, keepdims=True))
+        odds = np.exp(list(self._evidence.values()))
+        return np.array(list(self._weights.values())) @ (odds / odds.sum(1, keepdims=True))
 
     def _chosen(self) -> ShapeClass:
         """Return the leading class, or the class that was reported last if it is close behind."""
@@ -201,8 +202,8 @@ class RecognitionFusion:
 
 def _check(stamp: float, frame: Recognition) -> None:
     numbers = [stamp, *frame.probabilities.values()]
-    for _, probabilities in frame.alternatives:
-        numbers += probabilities.values()
+    for each in frame.alternatives:
+        numbers += each.probabilities.values()
     if not np.isfinite(numbers).all():
         raise InputError('frame to fuse', expected='a finite stamp and finite probabilities',
                          got=f'{stamp}, {dict(frame.probabilities)}', remedy='Do not fuse this frame.')

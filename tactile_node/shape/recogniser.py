@@ -51,8 +51,8 @@ MOST_OF_PIECES = 0.5
 #: Smallest probability of UNKNOWN for a non-convex contact.
 NOT_CONVEX_PROBABILITY = 0.99
 #: From this number of taxels on, the network for on/off taxels has as much weight as the network for pressures. With
-#: fewer taxels it has proportionally less, because the outline then decides less. All numbers from 40 to 100 give
-#: similar rates on the validation seeds.
+#: fewer taxels it has proportionally less, because the outline then decides less. 40, 60 and 80 give similar rates on
+#: the validation seeds.
 OUTLINE_TAXELS = 80
 LAYERS = len(TAPS) + 3
 MOST_ARRAY_BYTES = 1 << 24  #: Largest total size of the arrays in a file [bytes]. Actual files are far smaller.
@@ -89,34 +89,34 @@ class Calibration(NamedTuple):
 
 
 class NetworkAnswers(NamedTuple):
-    """The answers to K contacts of one kind of frame.
+    """The answers of the networks to K contacts of one kind of frame: probabilities of the recogniser's ``outputs``."""
 
-    Contacts with pressures have A = 2 answers, the second from the network for on/off taxels. Contacts of on/off taxels
-    have one answer. An adaptation to a skin also gives a single answer.
-    """
-
-    weights: np.ndarray        #: weight of each answer, (A, K); the weights of a contact sum to 1
-    probabilities: np.ndarray  #: probabilities of the recogniser's ``outputs``, (A, K, outputs)
-    embedding: np.ndarray      #: (K, network.width)
-    geometry: np.ndarray       #: (K, invariants.COUNT)
+    own: np.ndarray        #: from the network for this kind of frame, (K, outputs)
+    outline: np.ndarray    #: from the network for on/off taxels, for contacts with pressures, (K, outputs)
+    share: np.ndarray      #: weight of ``outline`` in the mean, (K,); 0 if the outline has no answer of its own
+    embedding: np.ndarray  #: (K, network.width)
+    geometry: np.ndarray   #: (K, invariants.COUNT)
 
     @property
     def mean(self) -> np.ndarray:
-        """Weighted mean of the answers, (K, outputs)."""
-        return np.einsum('ak,akn->kn', self.weights, self.probabilities)
+        """Weighted mean of both answers, (K, outputs)."""
+        share = self.share[:, None]
+        return (1 - share) * self.own + share * self.outline
 
     def recognition(self, contact: int, outputs: Sequence[ShapeClass]) -> Recognition:
         """Return the recognition of a contact.
 
-        Frames that agree do not settle a disagreement of the networks, because every frame shows the same skin. The two
-        answers are therefore alternatives.
+        The two answers are alternatives, because successive frames do not settle a disagreement of the networks: every
+        frame shows the same skin.
         """
-        weights, probabilities = self.weights[:, contact], self.probabilities[:, contact]
-        named = Recognition.of(dict(zip(outputs, (weights @ probabilities).tolist())))
-        if not weights[1:].any():
-            return named
-        return named._replace(alternatives=tuple(Alternative(weight, dict(zip(outputs, answer)))
-                                                 for weight, answer in zip(weights.tolist(), probabilities.tolist())))
+        def named(probabilities: np.ndarray) -> Recognition:
+            return Recognition.of(dict(zip(outputs, probabilities.tolist())))
+        own, outline, share = self.own[contact], self.outline[contact], float(self.share[contact])
+        if not share:
+            return named(own)
+        return named((1 - share) * own + share * outline)._replace(
+            alternatives=(Alternative('own', 1 - share, named(own).probabilities),
+                          Alternative('outline', share, named(outline).probabilities)))
 
 
 class ShapeRecogniser:
@@ -214,11 +214,13 @@ class ShapeRecogniser:
         other shape is not limited.
         """
         found = self._recognise_contacts(contacts)
-        low = {k: mask for k, each in enumerate(found) if is_sure(each)
-               and (mask := low_outline(*contacts[k])) is not None}
-        of_low = self._recognise_contacts([(contacts[k][0], mask) for k, mask in low.items()])
-        for k, each in zip(low, of_low):
-            found[k] = as_far_as_it_holds(found[k], each)
+        lower: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        for k, (values, mask) in enumerate(contacts):
+            outline = low_outline(values, mask) if is_sure(found[k]) else None
+            if outline is not None:
+                lower[k] = values, outline
+        for k, low in zip(lower, self._recognise_contacts(list(lower.values()))):
+            found[k] = as_far_as_it_holds(found[k], low)
         return found
 
     def _recognise_contacts(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
@@ -262,30 +264,27 @@ class ShapeRecogniser:
         geometry, of_outlines = both[:len(patches)], both[len(patches):]
         embedding = self.embedding(patches, geometry)
         log_taxels = geometry[:, LOG_TAXELS]
-        known, weights = [self.known(kind, embedding, log_taxels)], [np.ones(len(patches))]
+        known, share = self.known(kind, embedding, log_taxels), np.zeros(len(patches))
+        of_outline = known.copy()
         if outlines:
             which, log_sizes = list(outlines), of_outlines[:, LOG_TAXELS]
-            known.append(known[0].copy())
-            known[1][which] = self.known('on_off', self.embedding(list(outlines.values()), of_outlines), log_sizes)
-            weights.append(np.zeros(len(patches)))
-            weights[1][which] = np.minimum(np.exp(log_sizes) / OUTLINE_TAXELS, 1.0)
+            of_outline[which] = self.known('on_off', self.embedding(list(outlines.values()), of_outlines), log_sizes)
+            weight = np.minimum(np.exp(log_sizes) / OUTLINE_TAXELS, 1.0)
+            share[which] = weight / (1 + weight)
         # Only the five shapes have to be convex, so this check comes before the heads of taught shapes. On/off contacts
         # are not checked, because silent lines break the rim of such a contact into pieces that do not look convex.
         convex = np.array([not patch.graded or is_convex(*contact) for patch, contact in zip(patches, contacts)])
-        found = []
-        for each in known:
-            each[~convex] = _as_foreign(each[~convex])
-            if kind in self._heads:
-                each = join(each, self._heads[kind].evidence(embedding, log_taxels))
-            else:
-                each = np.pad(each, ((0, 0), (0, len(self._taught))))
-            found.append(each)
-        answers = NetworkAnswers(np.array(weights) / np.sum(weights, 0), np.array(found), embedding, geometry)
+        evidence = self._heads[kind].evidence(embedding, log_taxels) if kind in self._heads else None
+
+        def all_outputs(found: np.ndarray) -> np.ndarray:
+            found[~convex] = _as_foreign(found[~convex])
+            return np.pad(found, ((0, 0), (0, len(self._taught)))) if evidence is None else join(found, evidence)
+        answers = NetworkAnswers(all_outputs(known), all_outputs(of_outline), share, embedding, geometry)
         if kind not in self._adaptations:
             return answers
-        # `tactile assess` fits an adaptation to the mean of the answers
+        # `tactile assess` fits an adaptation to the mean of both answers
         adapted = self._adaptations[kind].applied(answers.mean, embedding)
-        return answers._replace(weights=np.ones((1, len(patches))), probabilities=adapted[None])
+        return answers._replace(own=adapted, outline=adapted, share=np.zeros(len(patches)))
 
     def embedding(self, patches: Sequence[Patch], geometry: np.ndarray) -> np.ndarray:
         """Return the embedding of K patches, from which the heads and adaptations compute their results.

@@ -56,8 +56,11 @@ SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Sha
 
 
 class Alternative(NamedTuple):
-    """The probabilities from one network, for one way of reading the hidden taxels of a contact."""
+    """The probabilities under one assumption about the contact."""
 
+    #: Name of the assumption: which network is right, how the hidden taxels are read, or that the shape is unsupported.
+    #: The name is the same in all frames.
+    name: str
     weight: float  #: weight of this alternative; all weights sum to 1
     probabilities: Mapping[ShapeClass, float]
 
@@ -65,11 +68,11 @@ class Alternative(NamedTuple):
 class Recognition(NamedTuple):
     """The most probable shape of a contact and the probability of each class.
 
-    ``probabilities`` holds every Shape, then the taught shapes, and sums to 1. ``alternatives`` holds the answers of
-    both networks to a contact with pressures. If hidden taxels may change the shape, ``alternatives`` holds the answers
-    for each way of reading the hidden taxels. If the taxels do not support the shape, one of the alternatives is
-    UNKNOWN. If there are alternatives, ``probabilities`` is their weighted mean. As long as they differ, no number of
-    frames makes the result certain.
+    ``probabilities`` holds every Shape, then the taught shapes, and sums to 1. It is the weighted mean of
+    ``alternatives``, if there are any. A contact with pressures has the answers of both networks as alternatives. If
+    hidden taxels may change the shape, there are alternatives for each way of reading the hidden taxels. If the taxels
+    do not support the shape, one of the alternatives is UNKNOWN. As long as the alternatives name different shapes, no
+    number of frames makes the result certain.
     """
 
     shape: ShapeClass
@@ -88,8 +91,13 @@ class Recognition(NamedTuple):
 
     @property
     def is_evidence(self) -> bool:
-        """True if the result contains evidence about the object, and False if the contact was not seen."""
-        return self.reason not in (UnknownReason.NOT_SEEN, UnknownReason.COVERS_PAD) or bool(self.alternatives)
+        """True if the result contains evidence about the object, and False if the contact was not seen.
+
+        A contact that is partly hidden is seen if its visible part is recognised under several assumptions.
+        """
+        if self.reason is UnknownReason.NOT_SEEN:
+            return bool(self.alternatives)
+        return self.reason is not UnknownReason.COVERS_PAD
 
     @classmethod
     def certain(cls, shape: ShapeClass) -> 'Recognition':
@@ -126,13 +134,23 @@ class Recognition(NamedTuple):
         alternatives : sequence of Recognition
             Recognition of each reading.
         """
-        readings = [Alternative(weight * part, probabilities) for weight, each in zip(weights, alternatives)
-                    for part, probabilities in each.alternatives or (Alternative(1.0, each.probabilities),)]
-        mean = {shape: sum(weight * probabilities.get(shape, 0.0) for weight, probabilities in readings)
-                for shape in dict.fromkeys(shape for _, probabilities in readings for shape in probabilities)}
+        readings = [Alternative(f'reading {number} {name}', weight * part, probabilities)
+                    for number, (weight, each) in enumerate(zip(weights, alternatives))
+                    for name, part, probabilities in each.alternatives or (each.alone,)]
         reasons = {each.reason for each in alternatives}
         reason = reasons.pop() if len(reasons) == 1 else UnknownReason.NOT_SEEN
-        return cls.of(mean, reason)._replace(joined=alternatives[0].joined, alternatives=tuple(readings))
+        return cls._mean(readings, reason)._replace(joined=alternatives[0].joined)
+
+    @classmethod
+    def _mean(cls, alternatives: Sequence[Alternative], reason: UnknownReason) -> 'Recognition':
+        mean = {shape: sum(each.weight * each.probabilities.get(shape, 0.0) for each in alternatives)
+                for shape in dict.fromkeys(shape for each in alternatives for shape in each.probabilities)}
+        return cls.of(mean, reason)._replace(alternatives=tuple(alternatives))
+
+    @property
+    def alone(self) -> Alternative:
+        """The only alternative of a recognition without ``alternatives``."""
+        return Alternative('', 1.0, self.probabilities)
 
     def no_surer_than(self, most: float, doubt: UnknownReason) -> 'Recognition':
         """Return a copy in which the shape has at most the probability ``most``, no matter how many frames agree.
@@ -144,8 +162,10 @@ class Recognition(NamedTuple):
         doubt : UnknownReason
             Reason why the shape is uncertain.
         """
-        unknown = Recognition.certain(Shape.UNKNOWN).over(tuple(self.probabilities))
-        return Recognition.of_alternatives((most, 1 - most), (self, unknown))._replace(doubt=doubt)
+        limited = [each._replace(weight=most * each.weight) for each in self.alternatives or (self.alone,)]
+        unknown = Recognition.certain(Shape.UNKNOWN).over(tuple(self.probabilities)).probabilities
+        limited.append(Alternative('unsupported', 1 - most, unknown))
+        return self._mean(limited, UnknownReason.UNFAMILIAR)._replace(joined=self.joined, doubt=doubt)
 
     def exchanged(self, one: Shape, other: Shape) -> 'Recognition':
         """Return a copy in which two shapes swap their probabilities.
@@ -156,7 +176,7 @@ class Recognition(NamedTuple):
             return MappingProxyType({**probabilities, one: probabilities[other], other: probabilities[one]})
         return self._replace(
             shape=other if self.shape is one else self.shape, probabilities=swapped(self.probabilities),
-            alternatives=tuple(Alternative(weight, swapped(each)) for weight, each in self.alternatives))
+            alternatives=tuple(each._replace(probabilities=swapped(each.probabilities)) for each in self.alternatives))
 
     def over(self, classes: Sequence[ShapeClass]) -> 'Recognition':
         """Return a copy with a probability for each of ``classes``, in order, and 0 for each missing class."""
@@ -166,7 +186,7 @@ class Recognition(NamedTuple):
         def all_of(probabilities: Mapping[ShapeClass, float]) -> Mapping[ShapeClass, float]:
             return MappingProxyType({shape: probabilities.get(shape, 0.0) for shape in classes})
         return self._replace(probabilities=all_of(self.probabilities), alternatives=tuple(
-            Alternative(weight, all_of(each)) for weight, each in self.alternatives))
+            each._replace(probabilities=all_of(each.probabilities)) for each in self.alternatives))
 
     def reported_as(self, shape: ShapeClass, reason: UnknownReason) -> 'Recognition':
         """Return a copy that reports another ``shape``.
