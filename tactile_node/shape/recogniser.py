@@ -32,7 +32,6 @@ from tactile_node.shape.support import (
     as_far_as_it_holds,
     as_far_as_it_is_filled,
     is_convex,
-    is_sure,
     low_outline,
 )
 from tactile_node.shape.taught import Head, join, read_taught
@@ -210,18 +209,14 @@ class ShapeRecogniser:
     def _verified(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Return the recognition of each contact, with the confidence limited by the contact's low outline.
 
-        A contact is a pair of values and mask. Only a sure shape needs the low outline, because the confidence in any
-        other shape is not limited.
+        A contact is a pair of values and mask. The contacts and their low outlines are recognised in one call, which
+        takes less time than two calls, even though only sure contacts need their low outline.
         """
-        found = self._recognise_contacts(contacts)
-        lower: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        for k, (values, mask) in enumerate(contacts):
-            outline = low_outline(values, mask) if is_sure(found[k]) else None
-            if outline is not None:
-                lower[k] = values, outline
-        for k, low in zip(lower, self._recognise_contacts(list(lower.values()))):
-            found[k] = as_far_as_it_holds(found[k], low)
-        return found
+        low = [low_outline(*contact) for contact in contacts]
+        lower = [(values, mask) for (values, _), mask in zip(contacts, low) if mask is not None]
+        found = self._recognise_contacts([*contacts, *lower])
+        of_low = iter(found[len(contacts):])
+        return [each if mask is None else as_far_as_it_holds(each, next(of_low)) for each, mask in zip(found, low)]
 
     def _recognise_contacts(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Recognise each contact, a pair of values and mask, with the network for its kind of frame."""

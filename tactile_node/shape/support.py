@@ -68,7 +68,7 @@ def as_far_as_supported(found: Recognition, pattern: ContactPattern) -> Recognit
 
     The most probable shape does not change. With few taxels, only a circle can be recognised with high confidence.
     """
-    if not is_sure(found) or found.shape not in DECIDING_TAXELS:
+    if not _is_sure(found) or found.shape not in DECIDING_TAXELS:
         return found
     if np.count_nonzero(joined(pattern)) >= DECIDING_TAXELS[found.shape]:
         return found
@@ -91,7 +91,7 @@ def as_far_as_it_fits(found: Recognition, taxels: int, overlaps: np.ndarray) -> 
     overlaps : np.ndarray
         Overlap with each of FIGURES.
     """
-    if not is_sure(found) or taxels < FIGURE_TAXELS:
+    if not _is_sure(found) or taxels < FIGURE_TAXELS:
         return found
     square, disc = (overlaps[FIGURES.index(figure)] for figure in ('square', 'disc'))
     if found.shape is Shape.CIRCLE and taxels >= CORNER_TAXELS and disc < square + CLEARLY_ROUNDER:
@@ -122,7 +122,7 @@ def as_far_as_it_is_filled(found: Recognition, values: np.ndarray, mask: np.ndar
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols).
     """
-    if not is_sure(found) or np.count_nonzero(mask) < FIGURE_TAXELS:
+    if not _is_sure(found) or np.count_nonzero(mask) < FIGURE_TAXELS:
         return found
     inside, centre = _filled_inside(mask, mask | np.isfinite(values), (INNER_SIZE, CENTRAL_SIZE))
     if inside >= SOLID_INSIDE or centre <= RIM_CENTRE:
@@ -143,7 +143,7 @@ def as_far_as_it_holds(found: Recognition, low: Recognition) -> Recognition:
     low : Recognition
         Recognition of the same contact along its `low_outline`.
     """
-    if not is_sure(found) or low.probabilities[found.shape] >= LEAST_HELD:
+    if not _is_sure(found) or low.probabilities[found.shape] >= LEAST_HELD:
         return found
     return found.no_surer_than(UNSUPPORTED, UnknownReason.UNSTABLE)
 
@@ -171,7 +171,7 @@ def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
     return low if np.count_nonzero(low) > np.count_nonzero(mask) else None
 
 
-def is_sure(found: Recognition) -> bool:
+def _is_sure(found: Recognition) -> bool:
     """Return True if ``found`` reports one of the five shapes with a confidence of SURE or more."""
     return not isinstance(found.shape, TaughtShape) and found.shape in FIGURE_OF and found.confidence >= SURE
 
