@@ -152,8 +152,8 @@ class Track:
             Normal load on the contact, in any unit.
         allowed : float
             Distance from the position of rest up to which a load along the pad shifts the position [m]. If ``slack``
-            is larger, a movement is a shift up to the distance ``slack``. The two distances are not added, because
-            each is a bound that real contacts seldom reach, and the step covers the remainder.
+            is larger, a movement is a shift up to the distance ``slack``. The two distances are not added, because the
+            step covers the growth under a moderate change of force (docs/events.md).
         """
         place = Place(time, x, y, load)
         self._recent.append(place)
