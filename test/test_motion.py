@@ -224,6 +224,19 @@ def test_the_motion_of_an_unseen_contact_is_not_known():
     assert found[-1].moving is Moving.NOT_KNOWN and found[-1].last_event is None
 
 
+def slid_after(change):
+    """Return how far a contact slides until it is reported, after its force has changed by a factor [pitches]."""
+    levels = 50e3 * np.concatenate((np.ones(60), np.linspace(1, change, 25), np.full(35, change)))
+    ways = np.concatenate((np.zeros(90), 0.1 * np.arange(1, 31)))
+    found = motions([pressed(level=level, along=way) for level, way in zip(levels, ways)])
+    return next(way for motion, way in zip(found, ways) if motion.moving & Moving.SLIDING)
+
+
+def test_a_change_of_force_does_not_delay_the_report_of_a_slide():
+    """The growth of a contact under 1.5 times the force is smaller than the largest shift."""
+    assert slid_after(1.5) == slid_after(1 / 1.5) == slid_after(1.0)
+
+
 def test_force_by_steps():
     levels = [50e3] * 40 + [60e3] * 40 + [75e3] * 40 + [30e3] * 9
     found = motions([pressed(level=level) for level in levels])

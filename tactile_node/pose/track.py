@@ -146,19 +146,21 @@ class Track:
         sd : float
             Standard deviation of the position [m].
         slack : float
-            Distance by which the position may be wrong for another reason [m]. This distance is added to the limit of a
-            movement.
+            Distance by which the position may change for another reason, such as the growth of a contact [m]. This
+            distance is added to the limit of a movement.
         load : float
             Normal load on the contact, in any unit.
         allowed : float
-            Distance from the position of rest up to which a movement is a shift [m].
+            Distance from the position of rest up to which a load along the pad shifts the position [m]. If ``slack``
+            is larger, a movement is a shift up to the distance ``slack``. The two distances are not added, because the
+            step covers the growth under a moderate change of force (docs/events.md).
         """
         place = Place(time, x, y, load)
         self._recent.append(place)
         if math.isnan(self._first.time):
             self._first = place
         if self.is_moving:
-            self._look_for_slide(place, allowed + slack)
+            self._look_for_slide(place, max(allowed, slack))
             self._look_for_stop(time)
             return
         self._let_follow(time)
@@ -168,7 +170,7 @@ class Track:
             self._offset = (self.shift[0] - self._first.x - self._sums[0] / count,
                             self.shift[1] - self._first.y - self._sums[1] / count)
             self.is_moving = True
-            self._look_for_slide(place, allowed + slack)
+            self._look_for_slide(place, max(allowed, slack))
             self._hold = max(STOPPED, GOES_ON * self._step / max(self.speed, SLOWEST))
 
     def _is_away(self, place: Place, sd: float, slack: float) -> bool:
