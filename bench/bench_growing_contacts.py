@@ -1,6 +1,6 @@
 """Count false reports for contacts that grow from one edge, on an elastic layer.
 
-Run from the checkout: nice python bench/bench_growth.py [--count 50]
+Run from the checkout: nice python bench/bench_growing_contacts.py [--count 50]
 
 A rigid face is pressed obliquely onto the layer, so the contact covers only a part of the face and grows with the
 force. The gripper closes from 0.1 to 0.7 times the force. Then an object is lifted while the force rises to 1.4 times,
