@@ -92,7 +92,7 @@ class NetworkAnswers(NamedTuple):
 
     own: np.ndarray        #: from the network for this kind of frame, (K, outputs)
     outline: np.ndarray    #: from the network for on/off taxels, for contacts with pressures, (K, outputs)
-    share: np.ndarray      #: weight of ``outline`` in the mean, (K,); 0 if the outline has no answer of its own
+    share: np.ndarray      #: weight of ``outline`` in the mean, (K,); 0 if only the first network answers
     embedding: np.ndarray  #: (K, network.width)
     geometry: np.ndarray   #: (K, invariants.COUNT)
 
