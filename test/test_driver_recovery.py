@@ -228,12 +228,18 @@ def test_parameters_read_at_configure_can_be_set_only_while_unconfigured(chain):
 
 def test_a_late_subscriber_gets_the_last_status(chain, monkeypatch):
     chain.start()
-    monkeypatch.setattr(change_pace, 'EARLY_ROUND', -inf)  # no further status is published without a change
-    heard = chain.listen(SkinStatus, '/skin_driver/status', STATUS_QOS)
-    subscribed = chain.node.get_clock().now()
-    chain.until(lambda: heard, 'no status')
-    assert Time.from_msg(heard[0].header.stamp) <= subscribed
-    assert heard[0].active and heard[0].pads[0].nodes[0].nmt_state_text == 'OPERATIONAL' and not heard[0].failure
+    early = chain.listen(SkinStatus, '/skin_driver/status', STATUS_QOS)
+
+    def is_operational(status):
+        return status.active and status.pads[0].nodes[0].nmt_state_text == 'OPERATIONAL' and not status.failure
+    chain.until(lambda: early and is_operational(early[-1]), 'no status')
+    state = chain.node._state
+    with state._turn:  # no further status is published
+        monkeypatch.setattr(state, '_publish', lambda *_: None)
+        silent_from = chain.node.get_clock().now()
+    late = chain.listen(SkinStatus, '/skin_driver/status', STATUS_QOS)
+    chain.until(lambda: late, 'no status')
+    assert Time.from_msg(late[0].header.stamp) <= silent_from and is_operational(late[0])
 
 
 def test_each_change_of_the_lifecycle_is_logged_and_reported_when_it_happens(chain):

@@ -5,14 +5,17 @@ import time
 from collections import Counter
 from contextlib import suppress
 
+import numpy as np
 import pytest
-from can_bench import Bench, other_bus
+from can_bench import INTERFACE, Bench, other_bus
 from canopen import SdoAbortedError, SdoCommunicationError
 from waiting import wait_until
 
 from tactile_node.assembly.health import NodeFault
+from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.bus.own_sdo import OwnSdoClient
-from tactile_node.errors import BusError, DeviceAbsentError
+from tactile_node.errors import BusError, DeviceAbsentError, TwoDevicesError
+from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.eds import load_eds
 
 pytestmark = pytest.mark.bus
@@ -43,6 +46,25 @@ def test_a_device_that_answers_after_the_timeout_is_configured(delay):
         bench.driver.open()
         delay_answers(bench.simulator.devices[32], delay)
         bench.driver.configure()
+
+
+def test_two_devices_whose_answers_are_mixed_up_are_reported_as_two(monkeypatch):
+    """If the second device answers late, a value read back may be an answer to an earlier request.
+
+    In an earlier version, the driver then reported that the device does not accept the value.
+    """
+    with Bench('mixed answers') as bench:
+        second = SkinSimulator(bench.pads, {'pad32': lambda t: np.zeros((16, 16))})
+        second.start(INTERFACE, bench.channel)
+        bench.driver.open()
+
+        def mixed_up(setup, *_):
+            wait_until(lambda: 2 * setup._sdo.doubled > setup._sdo.requests)
+            setup._refuse_other_value('0x1800 sub 1', '0x000001A0', '0x800001A0')
+        monkeypatch.setattr(DeviceSetup, '_verify', mixed_up)
+        with pytest.raises(TwoDevicesError, match='node 32'):
+            bench.driver.configure()
+        second.stop()
 
 
 def test_a_server_that_is_silent_during_the_configuration_is_waited_for():

@@ -162,14 +162,25 @@ class BusDevices:
         with self.sdo_client(node) as sdo:
             setup = DeviceSetup(sdo, node, self._monitor.heartbeats, self._settings.sdo_retries,
                                 is_interrupted=lambda: self._interrupts != interrupts)
-            as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
-            # answers to another client do not count
-            is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests
-            if is_alone and 2 * sdo.doubled > sdo.requests:
-                raise TwoDevicesError(node.label, expected='one device with this node-ID', remedy='Switch one of them '
-                                      'off, and change the node-ID of the other.',
-                                      got=f'a second answer to {sdo.doubled} of {sdo.requests} requests')
+            try:
+                as_set = setup.run(boot_timeout, self._settings.heartbeat_ms)
+            except DeviceError:
+                # a late answer of a second device may look like a value that the device does not accept
+                self._refuse_two_devices(node, sdo, foreign_requests)
+                raise
+            self._refuse_two_devices(node, sdo, foreign_requests)
         return as_set
+
+    def _refuse_two_devices(self, node: CanopenNode, sdo: OwnSdoClient, foreign_requests: int) -> None:
+        """Raise TwoDevicesError if most requests have had two answers.
+
+        Answers to another client do not count. ``foreign_requests`` is the number of its requests before ours.
+        """
+        is_alone = self._monitor.foreign_requests[node.node_id] == foreign_requests
+        if is_alone and 2 * sdo.doubled > sdo.requests:
+            raise TwoDevicesError(node.label, expected='one device with this node-ID', remedy='Switch one of them '
+                                  'off, and change the node-ID of the other.',
+                                  got=f'a second answer to {sdo.doubled} of {sdo.requests} requests')
 
     def interrupt(self) -> None:
         """Interrupt all configurations in progress.
