@@ -108,14 +108,13 @@ class NetworkAnswers(NamedTuple):
         The two answers are alternatives, because successive frames do not settle a disagreement of the networks: every
         frame shows the same skin.
         """
-        def named(probabilities: np.ndarray) -> Recognition:
-            return Recognition.of(dict(zip(outputs, probabilities.tolist())))
-        own, outline, share = self.own[contact], self.outline[contact], float(self.share[contact])
+        def named(answers: np.ndarray) -> Mapping[ShapeClass, float]:
+            return MappingProxyType(dict(zip(outputs, answers[contact].tolist())))
+        share = float(self.share[contact])
         if not share:
-            return named(own)
-        return named((1 - share) * own + share * outline)._replace(
-            alternatives=(Alternative('own', 1 - share, named(own).probabilities),
-                          Alternative('outline', share, named(outline).probabilities)))
+            return Recognition.of(named(self.own))
+        return Recognition.mean_of((Alternative('own', 1 - share, named(self.own)),
+                                    Alternative('outline', share, named(self.outline))))
 
 
 class ShapeRecogniser:

@@ -139,10 +139,15 @@ class Recognition(NamedTuple):
                     for name, part, probabilities in each.alternatives or (each.alone,)]
         reasons = {each.reason for each in alternatives}
         reason = reasons.pop() if len(reasons) == 1 else UnknownReason.NOT_SEEN
-        return cls._mean(readings, reason)._replace(joined=alternatives[0].joined)
+        return cls.mean_of(readings, reason)._replace(joined=alternatives[0].joined)
 
     @classmethod
-    def _mean(cls, alternatives: Sequence[Alternative], reason: UnknownReason) -> 'Recognition':
+    def mean_of(cls, alternatives: Sequence[Alternative],
+                reason: UnknownReason = UnknownReason.UNFAMILIAR) -> 'Recognition':
+        """Return the weighted mean of ``alternatives``, which the recognition keeps.
+
+        ``reason`` is used only if UNKNOWN is the most probable class.
+        """
         mean = {shape: sum(each.weight * each.probabilities.get(shape, 0.0) for each in alternatives)
                 for shape in dict.fromkeys(shape for each in alternatives for shape in each.probabilities)}
         return cls.of(mean, reason)._replace(alternatives=tuple(alternatives))
@@ -165,7 +170,7 @@ class Recognition(NamedTuple):
         limited = [each._replace(weight=most * each.weight) for each in self.alternatives or (self.alone,)]
         unknown = Recognition.certain(Shape.UNKNOWN).over(tuple(self.probabilities)).probabilities
         limited.append(Alternative('unsupported', 1 - most, unknown))
-        return self._mean(limited, UnknownReason.UNFAMILIAR)._replace(joined=self.joined, doubt=doubt)
+        return self.mean_of(limited)._replace(joined=self.joined, doubt=doubt)
 
     def exchanged(self, one: Shape, other: Shape) -> 'Recognition':
         """Return a copy in which two shapes swap their probabilities.
