@@ -1,7 +1,7 @@
 """Tests for fusing the recognitions of successive frames.
 
-Fusion becomes more certain over time, has a bounded latency, allows for correlated frames, and starts again when
-nothing touches the pad.
+Fusion evens out noise, never becomes surer than the frames, has a bounded latency, and starts again when nothing
+touches the pad.
 """
 
 import math
@@ -11,7 +11,7 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.fusion import FusionSettings, RecognitionFusion
-from tactile_node.shape.recognition import Alternative, Recognition, Shape, TaughtShape, UnknownReason
+from tactile_node.shape.recognition import Recognition, Shape, TaughtShape, UnknownReason
 from training.ground_truth.seeds import Purpose, generator
 
 PERIOD = 0.01
@@ -24,19 +24,21 @@ def feed(fusion, frames, start=0.0, period=PERIOD):
 
 
 def test_the_first_frame_is_taken_as_it_is():
-    fused = RecognitionFusion(FusionSettings(floor=1e-9, lead=50.0)).update(5.0, Recognition.of(SQUARE))
+    fused = RecognitionFusion(FusionSettings(floor=1e-9)).update(5.0, Recognition.of(SQUARE))
     assert fused.recognition.shape is Shape.SQUARE
     assert fused.recognition.confidence == pytest.approx(0.6)
     assert (fused.since, fused.held, fused.frames) == (5.0, 0.0, 1)
 
 
-def test_frames_a_correlation_time_apart_multiply_by_bayes_rule():
-    settings = FusionSettings(correlation_time=0.1, memory=1e9, floor=1e-9, lead=50.0, max_gap=1.0)
-    first, second = feed(RecognitionFusion(settings), [SQUARE, SQUARE], period=0.1)
-    assert second.recognition.confidence == pytest.approx(0.36 / (0.36 + 0.09 + 0.01))
+def test_frames_count_by_their_age_in_the_geometric_mean():
+    first, second = feed(RecognitionFusion(FusionSettings(memory=0.1, floor=1e-9)),
+                         [{Shape.SQUARE: 0.8, Shape.CIRCLE: 0.2}, {Shape.SQUARE: 0.5, Shape.CIRCLE: 0.5}],
+                         period=0.1 * math.log(2))
+    odds = (0.8 / 0.2) ** (1 / 3)  # the first frame has half of the weight of the second
+    assert second.recognition.confidence == pytest.approx(odds / (1 + odds), abs=1e-6)
 
 
-@pytest.mark.parametrize('period', [0.005, 0.01, 0.02, 0.1])
+@pytest.mark.parametrize('period', [0.005, 0.01, 0.02, 0.05])
 def test_a_change_is_followed_within_the_stated_frames_and_not_by_one(period):
     settings = FusionSettings()
     fusion = RecognitionFusion(settings)
@@ -63,16 +65,10 @@ def test_a_stamp_that_jumps_starts_again(stamp):
     assert fusion.update(stamp, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
 
 
-@pytest.mark.parametrize('wrong', [{'memory': 0.0}, {'floor': 0.5}, {'switch': 9.0}, {'lead': float('nan')}])
+@pytest.mark.parametrize('wrong', [{'memory': 0.0}, {'floor': 0.5}, {'switch': 9.0}, {'max_gap': float('nan')}])
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(ConfigurationError):
         FusionSettings(**wrong)
-
-
-def of(**shares):
-    """Return a recognition with two readings of the hidden taxels, each with a probability of one half."""
-    return Recognition.of_alternatives((0.5, 0.5), [Recognition.of({Shape(name): p, Shape.CIRCLE: 1 - p})
-                                                    for name, p in shares.items()])
 
 
 def test_an_unseen_frame_is_reported_at_once_and_adds_no_evidence():
@@ -87,29 +83,20 @@ def test_an_unseen_frame_is_reported_at_once_and_adds_no_evidence():
     assert (after.since, after.held, after.frames) == (0.7, 0.0, 1), 'an unseen contact does not count as held'
 
 
-def test_repeated_frames_do_not_reveal_hidden_taxels():
-    """Each frame gives the square a probability of 75 %.
-
-    If fusion treated the frames as independent, the probability of the square would soon reach 100 %.
-    """
-    frame = Recognition.of_alternatives((0.75, 0.25), [Recognition.certain(Shape.SQUARE),
-                                                       Recognition.certain(Shape.RECTANGLE)])
+@pytest.mark.parametrize('frame', [
+    Recognition.of({Shape.SQUARE: 0.75, Shape.RECTANGLE: 0.25}),
+    Recognition.mean_of((0.75, 0.25), [Recognition.certain(Shape.SQUARE), Recognition.certain(Shape.RECTANGLE)])])
+def test_no_number_of_frames_is_surer_than_each_frame(frame):
+    """All frames show the same skin and the same hidden taxels, so most of their errors are the same."""
     fusion = RecognitionFusion()
     for k in range(200):
         found = fusion.update(k * PERIOD, frame)
     assert found.recognition.shape is Shape.SQUARE and found.recognition.confidence == pytest.approx(0.75, abs=0.01)
-    apart = RecognitionFusion()
-    for k in range(200):
-        single = apart.update(k * PERIOD, Recognition.of(frame.probabilities))
-    assert single.recognition.confidence > 0.95
 
 
 @pytest.mark.parametrize('is_doubted', [lambda k: False, lambda k: True, lambda k: k % 2 == 0, lambda k: k % 5 < 2])
 def test_a_doubt_that_comes_and_goes_does_not_settle_a_disagreement(is_doubted):
-    """The networks disagree in all frames, and in some frames the shape is also unsupported."""
-    frame = Recognition.of({Shape.SQUARE: 0.85, Shape.RECTANGLE: 0.15})._replace(alternatives=(
-        Alternative('own', 0.85, Recognition.of({Shape.SQUARE: 0.95, Shape.RECTANGLE: 0.05}).probabilities),
-        Alternative('outline', 0.15, Recognition.of({Shape.SQUARE: 0.3, Shape.RECTANGLE: 0.7}).probabilities)))
+    frame = Recognition.of({Shape.SQUARE: 0.85, Shape.RECTANGLE: 0.15})
     doubted = frame.no_surer_than(0.85, UnknownReason.UNFAMILIAR)
     fusion = RecognitionFusion()
     found = [fusion.update(k * PERIOD, doubted if is_doubted(k) else frame) for k in range(200)]
@@ -117,29 +104,10 @@ def test_a_doubt_that_comes_and_goes_does_not_settle_a_disagreement(is_doubted):
     assert all(each.recognition.confidence < 0.9 for each in found)
 
 
-def test_an_alternative_that_begins_has_the_evidence_of_the_earlier_frames():
-    """The answer for a contact that has just become large enough for a second answer stays the same."""
-    fusion = RecognitionFusion()
-    before = feed(fusion, [SQUARE] * 100)[-1].recognition
-    same = Recognition.of(SQUARE)
-    both = same._replace(alternatives=tuple(Alternative(name, 0.5, same.probabilities) for name in ('own', 'outline')))
-    after = fusion.update(100 * PERIOD, both).recognition
-    assert after.confidence == pytest.approx(before.confidence, abs=0.02)
-
-
-def test_an_object_that_covers_the_pad_is_no_evidence_even_if_the_networks_have_answers():
-    answers = Recognition.of({Shape.UNKNOWN: 0.7, Shape.SQUARE: 0.3})
-    both = answers._replace(alternatives=tuple(Alternative(name, 0.5, answers.probabilities)
-                                               for name in ('own', 'outline')))
-    assert both.is_evidence and not both._replace(reason=UnknownReason.COVERS_PAD).is_evidence
-
-
-def test_a_class_that_an_alternative_lacks_has_no_probability():
-    cup = TaughtShape('cup')
-    frame = Recognition.of({Shape.SQUARE: 0.8, cup: 0.2})._replace(alternatives=(
-        Alternative('own', 1.0, Recognition.of({Shape.SQUARE: 1.0}).probabilities),))
-    found = RecognitionFusion().update(0.0, frame).recognition
-    assert found.shape is Shape.SQUARE and found.probabilities[cup] < 0.01
+def test_an_object_that_covers_the_pad_is_no_evidence():
+    answers = Recognition.of({Shape.UNKNOWN: 0.7, Shape.SQUARE: 0.3}, UnknownReason.NOT_SEEN)
+    assert answers.is_evidence and not answers._replace(reason=UnknownReason.COVERS_PAD).is_evidence
+    assert not Recognition.unknown(UnknownReason.NOT_SEEN).is_evidence
 
 
 def test_the_reason_of_unknown_is_that_of_the_frames():
@@ -222,7 +190,7 @@ def test_a_doubt_of_a_taught_shape_world_has_all_of_its_classes():
 
 def test_a_hidden_part_and_a_doubt_are_both_kept_by_the_fusion():
     readings = [doubted(), Recognition.of({Shape.RIGHT_TRIANGLE: 0.9, Shape.SQUARE: 0.1}), doubted()]
-    frame = Recognition.of_alternatives((0.5, 0.25, 0.25), readings)
+    frame = Recognition.mean_of((0.5, 0.25, 0.25), readings)
     assert sum(frame.probabilities.values()) == pytest.approx(1)
     fusion = RecognitionFusion()
     fused = [fusion.update(k * PERIOD, frame) for k in range(300)][-1]
@@ -235,4 +203,4 @@ def test_a_new_doubt_lowers_an_earlier_high_confidence():
         sure = fusion.update(k * PERIOD, Recognition.of({Shape.RIGHT_TRIANGLE: 0.97, Shape.CIRCLE: 0.03}))
     for k in range(100, 200):
         fused = fusion.update(k * PERIOD, doubted())
-    assert sure.recognition.confidence > 0.99 and fused.recognition.confidence < 0.851
+    assert sure.recognition.confidence > 0.95 and fused.recognition.confidence < 0.851

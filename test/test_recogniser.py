@@ -266,10 +266,9 @@ def test_an_answer_that_depends_on_hidden_rows_is_not_confident(recogniser, hidd
     if hidden:
         # The plain recogniser does not consider other possible contents of the hidden rows.
         assert recogniser.recognise(pattern_of(frame)).confidence > found.confidence, 'hidden rows must lower it'
-        assert len(found.alternatives) == 4 and sum(each.weight for each in found.alternatives) == pytest.approx(1)
         assert sum(found.probabilities.values()) == pytest.approx(1)
     else:
-        assert (found.shape, found.alternatives) == (Shape.RECTANGLE, ())
+        assert found.shape is Shape.RECTANGLE
 
 
 def test_a_dead_taxel_within_a_contact_changes_nothing(recogniser):
@@ -277,9 +276,10 @@ def test_a_dead_taxel_within_a_contact_changes_nothing(recogniser):
     frame[4:11, 4:11] = 1
     frame[6, 7] = frame[1, 1] = np.nan
     found = make_recogniser().recognise(pattern_of(frame))
-    assert found == recogniser.recognise(pattern_of(frame)) and not found.alternatives
+    assert found == recogniser.recognise(pattern_of(frame))
     frame[6, 8] = np.nan  # Two adjacent taxels without a value may conceal a hole in the object.
-    assert make_recogniser().recognise(pattern_of(frame)).alternatives
+    found = make_recogniser().recognise(pattern_of(frame))
+    assert found != recogniser.recognise(pattern_of(frame)), 'the guard considers other possible contents'
 
 
 def test_hidden_taxels_are_read_as_empty_as_pressed_beside_and_as_pressed_straight_on():

@@ -236,7 +236,7 @@ class _Examples(NamedTuple):
             return cls(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0, int), np.zeros(0, int), '')
         numbers, usable, shown = zip(*used)
         answers = recogniser.answers(usable, shown)
-        return cls(np.log(np.maximum(answers.mean, LEAST_PROBABILITY)), answers.embedding,
+        return cls(np.log(np.maximum(answers.probabilities, LEAST_PROBABILITY)), answers.embedding,
                    np.array([recogniser.outputs.index(touches[k].label) for k in numbers]), np.array(numbers),
                    KINDS[usable[0].graded])
 

@@ -1,19 +1,14 @@
-"""Fuse the recognitions of successive frames into a result that is more certain and more stable than a single frame.
+"""Fuse the recognitions of successive frames into a result that is more stable than a single frame.
 
-Each frame adds its log-probabilities, following Bayes' rule, with two limits:
+The fused probability of a class is the geometric mean over the frames, scaled so that all classes sum to 1. A frame of
+age ``t`` has the weight ``exp(-t / memory)``. The mean evens out the noise of single frames, but no number of frames
+makes a result surer than the frames are. All frames of a contact come from the same skin, the same outline and the same
+hidden taxels, so most of their errors are the same. A product over the frames, following Bayes' rule for independent
+errors, was sure of twice as many contacts with none of the five shapes (docs/pose.md).
 
-- Frames in quick succession have the same errors. The weight of a frame is therefore the share of ``correlation_time``
-  that has passed since the previous frame.
-- The object may change. Evidence therefore fades with the time constant ``memory``. In addition, ``floor`` limits the
-  evidence from a single frame, and ``lead`` limits the lead of the leading class. The result follows a change after at
-  most `FusionSettings.frames_to_follow` frames that agree. When a contact begins or ends, the fusion starts again
-  immediately.
-
-Hidden taxels stay hidden, no matter how many frames agree. The fusion therefore keeps separate evidence for each
-assumption about the hidden taxels (`Recognition.alternatives`), by its name. The two networks of a contact with
-pressures are alternatives, too, because all frames come from the same skin. A shape that the taxels do not support is
-treated in the same way, because later frames of the contact have no more taxels. The result is the weighted mean over
-the alternatives. An alternative that the previous frame did not have begins with the fused evidence.
+The object may change. ``floor`` therefore limits the effect of a single frame, and the result follows a change after at
+most `FusionSettings.frames_to_follow` frames that agree. When a contact begins or ends, the fusion starts again
+immediately.
 
 A frame in which the contact is not seen adds no evidence. Such a frame is reported as not seen, and the evidence of
 earlier frames is kept for the next frame.
@@ -22,7 +17,7 @@ Fused results have the same classes as the frames: the five shapes and the taugh
 """
 
 from dataclasses import dataclass
-from math import exp, log
+from math import ceil, exp, log
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +30,7 @@ TOUCHING_CLASSES: tuple[ShapeClass, ...] = tuple(shape for shape in Shape if sha
 
 @dataclass(frozen=True)
 class FusionSettings:
-    """Settings that control how fast evidence builds up, fades and is overturned.
+    """Settings that control how fast the weights of earlier frames fall, and how a change of the shape is followed.
 
     Raises
     ------
@@ -43,25 +38,18 @@ class FusionSettings:
         Raised if a value is out of range.
     """
 
-    correlation_time: float = 0.05  #: time after which the errors of two frames are independent [s]
-    memory: float = 0.5             #: time constant with which evidence fades [s]
-    floor: float = 0.001            #: smallest probability that a frame can give to a class
-    lead: float = 8.0               #: largest lead of the leading class [log-odds]
-    switch: float = 1.0             #: lead that another class needs before it is reported instead [log-odds]
-    max_gap: float = 0.5            #: silence after which the fusion starts again [s]
+    memory: float = 0.15   #: time constant with which the weight of a frame falls [s]
+    floor: float = 0.001   #: smallest probability that a frame can give to a class
+    switch: float = 0.4    #: lead that another class needs before it is reported instead [log-odds]
+    max_gap: float = 0.5   #: silence after which the fusion starts again [s]
 
     def __post_init__(self) -> None:
-        values = (self.correlation_time, self.memory, self.floor, self.lead, self.max_gap)
+        values = (self.memory, self.floor, self.max_gap)
         if not (all(0 < value < float('inf') for value in values) and self.floor < 1 / len(TOUCHING_CLASSES)
-                and 0 <= self.switch < min(self.lead, self.memory / self.correlation_time)):
+                and 0 <= self.switch < 1):
             raise ConfigurationError(
-                'fusion settings', expected=f'times > 0, floor below 1/{len(TOUCHING_CLASSES)}, 0 <= switch < lead '
-                'and < memory / correlation_time',
+                'fusion settings', expected=f'times > 0, floor below 1/{len(TOUCHING_CLASSES)}, 0 <= switch < 1',
                 got=str(self), remedy='Omit these settings to use the defaults.')
-
-    def gain(self, period: float) -> float:
-        """Return the weight of a frame that follows the previous frame after ``period`` [s]."""
-        return min(1.0, period / self.correlation_time)
 
     def frames_to_follow(self, period: float, odds: float = 10.0) -> int:
         """Return the largest number of frames until a new shape is reported, however long the old shape was held.
@@ -73,11 +61,10 @@ class FusionSettings:
         odds : float
             Smallest odds, 3 to 100, that each frame gives to the new shape against every other shape.
         """
-        ahead, frames = -self.lead, 0
-        while ahead < self.switch:
-            ahead = ahead * exp(-period / self.memory) + self.gain(period) * log(odds)
-            frames += 1
-        return frames
+        # The old frames give the old shape at most -log(floor), and keep exp(-n * period / memory) of the weight after
+        # n frames. The new frames have the rest of the weight.
+        kept = (log(odds) - self.switch) / (log(odds) - log(self.floor))
+        return max(1, ceil(-log(kept) * self.memory / period))
 
 
 class FusedRecognition(NamedTuple):
@@ -155,40 +142,29 @@ class RecognitionFusion:
 
     def _start(self, touching: tuple[ShapeClass, ...]) -> None:
         self._touching = touching
-        self._evidence = {'': np.zeros(len(touching))}  # by the name of the alternative
-        self._weights = {'': 1.0}
+        self._evidence = np.zeros(len(touching))  # weighted sum of the log-probabilities
+        self._weight = 0.0                        # sum of the weights
 
     def _add(self, frame: Recognition, passed: float) -> None:
-        fading, gain = exp(-passed / self._settings.memory), self._settings.gain(passed)
-        before, together = self._evidence, self._together()
-        self._evidence, self._weights = {}, {}
-        for name, weight, probabilities in frame.alternatives or (frame.alone,):
-            seen = np.array([probabilities.get(shape, 0.0) for shape in self._touching])
-            evidence = fading * before.get(name, together) + gain * np.log(np.maximum(seen, self._settings.floor))
-            # Every class stays within `lead` of the leading class, so that a change is followed in bounded time.
-            self._evidence[name] = np.maximum(evidence - evidence.max(), -self._settings.lead)
-            self._weights[name] = weight
-
-    def _together(self) -> np.ndarray:
-        """Combine the evidence of all alternatives into one array, with 0 for the leading class."""
-        if len(self._evidence) == 1:
-            return next(iter(self._evidence.values()))
-        evidence = np.log(self._shares())
-        return np.maximum(evidence - evidence.max(), -self._settings.lead)
+        fading = exp(-passed / self._settings.memory)
+        seen = np.array([frame.probabilities[shape] for shape in self._touching])
+        self._evidence = fading * self._evidence + np.log(np.maximum(seen, self._settings.floor))
+        self._weight = fading * self._weight + 1.0
 
     def _shares(self) -> np.ndarray:
-        """Return the probability of each class, as the weighted mean over the alternatives."""
-        odds = np.exp(list(self._evidence.values()))
-        return np.array(list(self._weights.values())) @ (odds / odds.sum(1, keepdims=True))
+        """Return the probability of each class."""
+        mean = self._evidence / self._weight
+        odds = np.exp(mean - mean.max())
+        shares: np.ndarray = odds / odds.sum()
+        return shares
 
     def _chosen(self) -> ShapeClass:
         """Return the leading class, or the class that was reported last if it is close behind."""
-        evidence = self._together()
-        ahead = self._touching[int(evidence.argmax())]
+        ahead = self._touching[int(self._evidence.argmax())]
         if self._shape is None or self._shape in (Shape.NONE, ahead):
             return ahead
-        behind = -evidence[self._touching.index(self._shape)]
-        return ahead if behind >= self._settings.switch else self._shape
+        lead = (self._evidence.max() - self._evidence[self._touching.index(self._shape)]) / self._weight
+        return ahead if lead >= self._settings.switch else self._shape
 
     def _report(self, stamp: float, shape: ShapeClass, belief: Recognition) -> FusedRecognition:
         if shape is not self._shape or not self._frames:
@@ -201,9 +177,6 @@ class RecognitionFusion:
 
 
 def _check(stamp: float, frame: Recognition) -> None:
-    numbers = [stamp, *frame.probabilities.values()]
-    for each in frame.alternatives:
-        numbers += each.probabilities.values()
-    if not np.isfinite(numbers).all():
+    if not np.isfinite([stamp, *frame.probabilities.values()]).all():
         raise InputError('frame to fuse', expected='a finite stamp and finite probabilities',
                          got=f'{stamp}, {dict(frame.probabilities)}', remedy='Do not fuse this frame.')

@@ -104,7 +104,7 @@ class VisibilityGuard:
         if found[0].reason is UnknownReason.TOO_SMALL:
             return Recognition.unknown(UnknownReason.NOT_SEEN)
         is_little = visibility.hidden_in_ring < FEW_HIDDEN * visibility.ring
-        return Recognition.of_alternatives(FEW_WEIGHTS if is_little else READING_WEIGHTS, [found[k] for k in which])
+        return Recognition.mean_of(FEW_WEIGHTS if is_little else READING_WEIGHTS, [found[k] for k in which])
 
 
 METHODS: dict[str, Callable[[Path], RecognitionMethod]] = {LEARNED: ShapeRecogniser.from_file,

@@ -26,7 +26,7 @@ from tactile_node.shape.adaptation import Adaptation, read_adaptations
 from tactile_node.shape.invariants import COUNT, LOG_TAXELS, OVERLAPS, describe_all
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
-from tactile_node.shape.recognition import Alternative, Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
+from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
 from tactile_node.shape.support import (
     as_far_as_it_fits,
     as_far_as_it_holds,
@@ -88,33 +88,11 @@ class Calibration(NamedTuple):
 
 
 class NetworkAnswers(NamedTuple):
-    """The answers of the networks to K contacts of one kind of frame: probabilities of the recogniser's ``outputs``."""
+    """The answers to K contacts of one kind of frame, with a probability for each of the recogniser's ``outputs``."""
 
-    own: np.ndarray        #: from the network for this kind of frame, (K, outputs)
-    outline: np.ndarray    #: from the network for on/off taxels, for contacts with pressures, (K, outputs)
-    share: np.ndarray      #: weight of ``outline`` in the mean, (K,); 0 if only the first network answers
-    embedding: np.ndarray  #: (K, network.width)
-    geometry: np.ndarray   #: (K, invariants.COUNT)
-
-    @property
-    def mean(self) -> np.ndarray:
-        """Weighted mean of both answers, (K, outputs)."""
-        share = self.share[:, None]
-        return (1 - share) * self.own + share * self.outline
-
-    def recognition(self, contact: int, outputs: Sequence[ShapeClass]) -> Recognition:
-        """Return the recognition of a contact.
-
-        The two answers are alternatives, because successive frames do not settle a disagreement of the networks: every
-        frame shows the same skin.
-        """
-        def named(answers: np.ndarray) -> Mapping[ShapeClass, float]:
-            return MappingProxyType(dict(zip(outputs, answers[contact].tolist())))
-        share = float(self.share[contact])
-        if not share:
-            return Recognition.of(named(self.own))
-        return Recognition.mean_of((Alternative('own', 1 - share, named(self.own)),
-                                    Alternative('outline', share, named(self.outline))))
+    probabilities: np.ndarray  #: (K, outputs)
+    embedding: np.ndarray      #: from the network for this kind of frame, (K, network.width)
+    geometry: np.ndarray       #: (K, invariants.COUNT)
 
 
 class ShapeRecogniser:
@@ -234,7 +212,7 @@ class ShapeRecogniser:
             if alike:
                 answers = self.answers([patch for _, patch in alike], [contacts[k] for k, _ in alike])
                 for number, (k, patch) in enumerate(alike):
-                    named = answers.recognition(number, self.outputs)
+                    named = Recognition.of(dict(zip(self.outputs, answers.probabilities[number].tolist())))
                     if patch.graded:
                         size = int(np.count_nonzero(contacts[k][1]))
                         found[k] = as_far_as_it_fits(named, size, answers.geometry[number, OVERLAPS])
@@ -258,27 +236,23 @@ class ShapeRecogniser:
         geometry, of_outlines = both[:len(patches)], both[len(patches):]
         embedding = self.embedding(patches, geometry)
         log_taxels = geometry[:, LOG_TAXELS]
-        known, share = self.known(kind, embedding, log_taxels), np.zeros(len(patches))
-        of_outline = known.copy()
+        known = self.known(kind, embedding, log_taxels)
         if outlines:
             which, log_sizes = list(outlines), of_outlines[:, LOG_TAXELS]
-            of_outline[which] = self.known('on_off', self.embedding(list(outlines.values()), of_outlines), log_sizes)
-            weight = np.minimum(np.exp(log_sizes) / OUTLINE_TAXELS, 1.0)
-            share[which] = weight / (1 + weight)
+            of_outline = self.known('on_off', self.embedding(list(outlines.values()), of_outlines), log_sizes)
+            weight = np.minimum(np.exp(log_sizes) / OUTLINE_TAXELS, 1.0)[:, None]
+            known[which] = (known[which] + weight * of_outline) / (1 + weight)
         # Only the five shapes have to be convex, so this check comes before the heads of taught shapes. On/off contacts
         # are not checked, because silent lines break the rim of such a contact into pieces that do not look convex.
         convex = np.array([not patch.graded or is_convex(*contact) for patch, contact in zip(patches, contacts)])
-        evidence = self._heads[kind].evidence(embedding, log_taxels) if kind in self._heads else None
-
-        def all_outputs(found: np.ndarray) -> np.ndarray:
-            found[~convex] = _as_foreign(found[~convex])
-            return np.pad(found, ((0, 0), (0, len(self._taught)))) if evidence is None else join(found, evidence)
-        answers = NetworkAnswers(all_outputs(known), all_outputs(of_outline), share, embedding, geometry)
-        if kind not in self._adaptations:
-            return answers
-        # `tactile assess` fits an adaptation to the mean of both answers
-        adapted = self._adaptations[kind].applied(answers.mean, embedding)
-        return answers._replace(own=adapted, outline=adapted, share=np.zeros(len(patches)))
+        known[~convex] = _as_foreign(known[~convex])
+        if kind in self._heads:
+            known = join(known, self._heads[kind].evidence(embedding, log_taxels))
+        elif self._taught:
+            known = np.pad(known, ((0, 0), (0, len(self._taught))))
+        if kind in self._adaptations:
+            known = self._adaptations[kind].applied(known, embedding)
+        return NetworkAnswers(known, embedding, geometry)
 
     def embedding(self, patches: Sequence[Patch], geometry: np.ndarray) -> np.ndarray:
         """Return the embedding of K patches, from which the heads and adaptations compute their results.

@@ -55,30 +55,15 @@ class UnknownReason(IntEnum):
 SHAPES = (Shape.CIRCLE, Shape.SQUARE, Shape.RECTANGLE, Shape.RIGHT_TRIANGLE, Shape.ISOSCELES_TRIANGLE)
 
 
-class Alternative(NamedTuple):
-    """The probabilities under one assumption about the contact."""
-
-    #: Name of the assumption: which network is right, how the hidden taxels are read, or that the shape is unsupported.
-    #: The name is the same in all frames.
-    name: str
-    weight: float  #: weight of this alternative; all weights sum to 1
-    probabilities: Mapping[ShapeClass, float]
-
-
 class Recognition(NamedTuple):
     """The most probable shape of a contact and the probability of each class.
 
-    ``probabilities`` holds every Shape, then the taught shapes, and sums to 1. It is the weighted mean of
-    ``alternatives``, if there are any. A contact with pressures has the answers of both networks as alternatives. If
-    hidden taxels may change the shape, there are alternatives for each way of reading the hidden taxels. If the taxels
-    do not support the shape, one of the alternatives is UNKNOWN. As long as the alternatives name different shapes, no
-    number of frames makes the result certain.
+    ``probabilities`` holds every Shape, then the taught shapes, and sums to 1.
     """
 
     shape: ShapeClass
     probabilities: Mapping[ShapeClass, float]
     reason: UnknownReason = UnknownReason.NOT_UNKNOWN  #: the reason if ``shape`` is UNKNOWN
-    alternatives: tuple[Alternative, ...] = ()
     doubt: UnknownReason = UnknownReason.NOT_UNKNOWN  #: the reason why a named shape is uncertain
 
     #: True if the pieces close to the largest contact were recognised as part of it (`patch.join_pieces`)
@@ -93,10 +78,10 @@ class Recognition(NamedTuple):
     def is_evidence(self) -> bool:
         """True if the result contains evidence about the object, and False if the contact was not seen.
 
-        A contact that is partly hidden is seen if its visible part is recognised under several assumptions.
+        A contact that is partly hidden is seen if its visible part has been recognised, so that UNKNOWN is not certain.
         """
         if self.reason is UnknownReason.NOT_SEEN:
-            return bool(self.alternatives)
+            return self.confidence < 1
         return self.reason is not UnknownReason.COVERS_PAD
 
     @classmethod
@@ -121,8 +106,8 @@ class Recognition(NamedTuple):
         return cls._of(max(every, key=every.__getitem__), every, reason)
 
     @classmethod
-    def of_alternatives(cls, weights: Sequence[float], alternatives: Sequence['Recognition']) -> 'Recognition':
-        """Return the recognition of a contact with hidden taxels from the recognitions of its readings.
+    def mean_of(cls, weights: Sequence[float], readings: Sequence['Recognition']) -> 'Recognition':
+        """Return the weighted mean of the recognitions of a contact, one for each reading of its hidden taxels.
 
         If the result is UNKNOWN, its reason is the reason common to all readings, or NOT_SEEN if the readings give
         different reasons.
@@ -131,74 +116,51 @@ class Recognition(NamedTuple):
         ----------
         weights : sequence of float
             Weight of each reading; the weights sum to 1.
-        alternatives : sequence of Recognition
+        readings : sequence of Recognition
             Recognition of each reading.
         """
-        readings = [Alternative(f'reading {number} {name}', weight * part, probabilities)
-                    for number, (weight, each) in enumerate(zip(weights, alternatives))
-                    for name, part, probabilities in each.alternatives or (each.alone,)]
-        reasons = {each.reason for each in alternatives}
+        mean = {shape: sum(weight * each.probabilities.get(shape, 0.0) for weight, each in zip(weights, readings))
+                for shape in dict.fromkeys(shape for each in readings for shape in each.probabilities)}
+        reasons = {each.reason for each in readings}
         reason = reasons.pop() if len(reasons) == 1 else UnknownReason.NOT_SEEN
-        return cls.mean_of(readings, reason)._replace(joined=alternatives[0].joined)
-
-    @classmethod
-    def mean_of(cls, alternatives: Sequence[Alternative],
-                reason: UnknownReason = UnknownReason.UNFAMILIAR) -> 'Recognition':
-        """Return the weighted mean of ``alternatives``, which the recognition keeps.
-
-        ``reason`` is used only if UNKNOWN is the most probable class.
-        """
-        mean = {shape: sum(each.weight * each.probabilities.get(shape, 0.0) for each in alternatives)
-                for shape in dict.fromkeys(shape for each in alternatives for shape in each.probabilities)}
-        return cls.of(mean, reason)._replace(alternatives=tuple(alternatives))
-
-    @property
-    def alone(self) -> Alternative:
-        """The only alternative of a recognition without ``alternatives``."""
-        return Alternative('', 1.0, self.probabilities)
+        return cls.of(mean, reason)._replace(joined=readings[0].joined)
 
     def no_surer_than(self, most: float, doubt: UnknownReason) -> 'Recognition':
-        """Return a copy in which the shape has at most the probability ``most``, no matter how many frames agree.
+        """Return a copy in which the shape has at most the probability ``most``.
 
         Parameters
         ----------
         most : float
-            Largest probability of the shape, above 0.5. UNKNOWN gets the rest.
+            Factor by which all probabilities are reduced, above 0.5. UNKNOWN gets the rest.
         doubt : UnknownReason
             Reason why the shape is uncertain.
         """
-        limited = [each._replace(weight=most * each.weight) for each in self.alternatives or (self.alone,)]
-        unknown = Recognition.certain(Shape.UNKNOWN).over(tuple(self.probabilities)).probabilities
-        limited.append(Alternative('unsupported', 1 - most, unknown))
-        return self.mean_of(limited)._replace(joined=self.joined, doubt=doubt)
+        limited = {shape: most * p for shape, p in self.probabilities.items()}
+        limited[Shape.UNKNOWN] = limited.get(Shape.UNKNOWN, 0.0) + 1 - most
+        return self.of(limited)._replace(joined=self.joined, doubt=doubt)
 
     def exchanged(self, one: Shape, other: Shape) -> 'Recognition':
         """Return a copy in which two shapes swap their probabilities.
 
         If ``one`` is the reported shape, ``other`` is reported instead.
         """
-        def swapped(probabilities: Mapping[ShapeClass, float]) -> Mapping[ShapeClass, float]:
-            return MappingProxyType({**probabilities, one: probabilities[other], other: probabilities[one]})
-        return self._replace(
-            shape=other if self.shape is one else self.shape, probabilities=swapped(self.probabilities),
-            alternatives=tuple(each._replace(probabilities=swapped(each.probabilities)) for each in self.alternatives))
+        probabilities = {**self.probabilities, one: self.probabilities[other], other: self.probabilities[one]}
+        return self._replace(shape=other if self.shape is one else self.shape,
+                             probabilities=MappingProxyType(probabilities))
 
     def over(self, classes: Sequence[ShapeClass]) -> 'Recognition':
         """Return a copy with a probability for each of ``classes``, in order, and 0 for each missing class."""
         if len(self.probabilities) == len(classes):
             return self
-
-        def all_of(probabilities: Mapping[ShapeClass, float]) -> Mapping[ShapeClass, float]:
-            return MappingProxyType({shape: probabilities.get(shape, 0.0) for shape in classes})
-        return self._replace(probabilities=all_of(self.probabilities), alternatives=tuple(
-            each._replace(probabilities=all_of(each.probabilities)) for each in self.alternatives))
+        return self._replace(probabilities=MappingProxyType({shape: self.probabilities.get(shape, 0.0)
+                                                             for shape in classes}))
 
     def reported_as(self, shape: ShapeClass, reason: UnknownReason) -> 'Recognition':
         """Return a copy that reports another ``shape``.
 
         ``reason`` is used only if ``shape`` is UNKNOWN.
         """
-        return self._of(shape, self.probabilities, reason)._replace(alternatives=self.alternatives)
+        return self._of(shape, self.probabilities, reason)
 
     @classmethod
     def _of(cls, shape: ShapeClass, probabilities: Mapping[ShapeClass, float], reason: UnknownReason) -> 'Recognition':
