@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from bench.recognition import blind_spots, familiar, halo_skins, nothing, several, tables
+from bench.recognition import blind_spots, familiar, halo_skins, held, nothing, several, tables
 from bench.recognition.cases import Case, clean_cases, field_cases, mechanics_cases, seeded
 from bench.recognition.contest import OURS, Contest, Result
 from bench.recognition.idle import IDLE
@@ -94,6 +94,19 @@ def halo(run: Run) -> list[Table]:
     return [halo_skins.table(found)]
 
 
+def held_contacts(run: Run) -> list[Table]:
+    figures, pressed = max(2, run.amount.figures // 4), max(10, run.amount.pressed // 8)
+    worlds = {'the five shapes': familiar.whole_cases(5 * figures, 10 * pressed, run.purpose),
+              'other shapes': familiar.foreign_cases(figures, pressed, run.purpose),
+              'the five with a blemish': familiar.blemish_cases(figures, pressed, run.purpose)}
+    found = []
+    for contacts, cases in worlds.items():
+        for one in held.measured(run.recogniser, contacts, cases, run.purpose):
+            found.append(one)
+            run.clock(f'held: {contacts}, {one.area:g} taxels, {one.after:g} s: {one.sure} % sure')
+    return [held.table(found)]
+
+
 def speed(run: Run) -> list[Table]:
     return [tables.speed(run.contest, run.amount.repeat, run.purpose)]
 
@@ -144,9 +157,9 @@ def recordings(run: Run) -> list[Table]:
 
 SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
-    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'blind-spots': spots, 'speed': speed,
+    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'blind-spots': spots, 'speed': speed,
     'field': field}
-WITHOUT_ANCHORS = frozenset({'nothing', 'several', 'halo'})
+WITHOUT_ANCHORS = frozenset({'nothing', 'several', 'halo', 'held'})
 AGAINST_ANCHORS = frozenset({'blind-spots', 'speed'})  #: Sections that only compare our method with the anchors.
 ALONE = frozenset({'speed'})
 LONGEST = 'blind-spots'  #: The longest section starts first, so that it does not run alone at the end.

@@ -88,6 +88,12 @@ OTHERS = (
          '{patterns} figures. The columns are areas. Each cell shows the share that our method reports as unknown, '
          'on/off / pressures. From 40 taxels on, 98 % are required.',
          'Foreign shapes', ('shape',), across('area', of('ours, as shipped'))),
+    View('Held contacts', 'Contacts with pressures are held in place. The frames at 50 Hz differ only in their noise, '
+         'which is 3 % of the largest value. *Other shapes* are figures of all families of foreign shapes. Each cell '
+         'shows the share that is sure / sure and wrong, with the frames fused until then. *Sure* is a name at a '
+         'confidence of 0.9 or more. For other shapes, every such name is wrong. The columns are the times after the '
+         'first frame.', 'Held contacts', ('contacts', 'area', 'number'),
+         across('after, s', of('sure, %', 'sure and wrong, %'))),
     View('Foreign shapes taken for one of the five', 'The table combines all families of figures. Each row has '
          '{patterns} figures. *Sure* is the share that our method reports as one of the five at a confidence above '
          '0.9. The other columns show the share that is reported as unknown at a common loss: the limit for unknown is '
