@@ -97,8 +97,7 @@ def halo(run: Run) -> list[Table]:
 def held_contacts(run: Run) -> list[Table]:
     figures, pressed = max(2, run.amount.figures // 4), max(10, run.amount.pressed // 8)
     worlds = {'the five shapes': familiar.whole_cases(5 * figures, 10 * pressed, run.purpose),
-              'other shapes': familiar.foreign_cases(figures, pressed, run.purpose),
-              'the five with a blemish': familiar.blemish_cases(figures, pressed, run.purpose)}
+              'other shapes': familiar.foreign_cases(figures, pressed, run.purpose)}
     found = []
     for contacts, cases in worlds.items():
         for one in held.measured(run.recogniser, contacts, cases, run.purpose):
