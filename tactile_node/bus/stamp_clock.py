@@ -4,9 +4,10 @@ import threading
 import time
 from collections.abc import Callable
 
-#: Smallest change of the difference between wall clock and steady clock that counts as a jump [s]. A smaller change may
-#: come from slewing.
-CLOCK_JUMP = 0.1
+# The wall clock has jumped if its difference from the steady clock has changed by more than CLOCK_JUMP, plus SLEW_RATE
+# times the time since the last reading.
+CLOCK_JUMP = 0.02  #: Largest error of the difference between two readings [s].
+SLEW_RATE = 0.1  #: Largest relative rate at which a daemon slews the clock; chrony slews at up to 0.083.
 CLOCK_DRIFT = 1e-4  #: Largest relative frequency error of an adapter's crystal.
 
 
@@ -60,6 +61,7 @@ class StampClock:
             self.ahead = 0.0
             wall, steady = self._both()
             self._offset = wall - steady
+            self._read = steady  # time when the offset was read, on the steady clock
             self._before = 0.0  # offset of the wall clock before the last jump
             self._lead_before = 0.0  # stamp minus steady clock before the last jump
             self._jumped = -float('inf')  # time of the last jump, on the steady clock
@@ -120,15 +122,17 @@ class StampClock:
 
     def _look(self) -> tuple[float, float]:
         wall, steady = self._wall(), self._steady()
-        if abs(wall - steady - self._offset) > CLOCK_JUMP:  # the clock has jumped, or the thread was interrupted here
+        most = CLOCK_JUMP + SLEW_RATE * (steady - self._read)
+        if abs(wall - steady - self._offset) > most:  # the clock has jumped, or the thread was interrupted here
             wall, steady = self._both()
         offset = wall - steady
-        if abs(step := offset - self._offset) > CLOCK_JUMP:
+        if abs(step := offset - self._offset) > most:
             self.jumps += 1
             self._before, self._jumped = self._offset, steady
             self._lead_before = self._offset + self.ahead
             self.ahead = max(0.0, self.ahead - step)
         self._offset = offset
+        self._read = steady
         return wall, steady
 
     def _adapter_age(self, timestamp: float, steady: float) -> float:
