@@ -88,7 +88,7 @@ class Router:
     def pause(self) -> None:
         """From now on, ignore SYNCs from other devices and the data of pads without SYNC.
 
-        A paused router emits no frames.
+        A pad with SYNC still emits the sweeps that have begun, as soon as their TPDOs have arrived.
         """
         self.is_running = False
 
