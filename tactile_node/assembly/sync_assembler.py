@@ -129,14 +129,14 @@ class SyncAssembler(PadAssembler):
     def resume(self, lost_periods: int) -> None:
         """Continue after an outage and skip ``lost_periods`` sequence numbers.
 
-        All nodes are out of step, except the nodes for which ``start`` is called.
+        All nodes are out of step, except the nodes for which ``node_started`` is called.
         """
         super().resume(lost_periods)
         self._restart_nodes(behind=inf)
 
-    def start(self, node_id: int) -> None:
+    def node_started(self, node_id: int) -> None:
         if node_id in self._nodes:
-            self._nodes[node_id].start()
+            self._nodes[node_id].started()
 
     def settle(self) -> None:
         for node in self._nodes.values():

@@ -216,7 +216,7 @@ class SkinBus:
             Raised if the command cannot be sent.
         """
         if was_silent:
-            self.traffic.put(self._router.start, node.node_id)
+            self.traffic.put(self._router.node_started, node.node_id)
         self.devices.command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
@@ -259,9 +259,9 @@ class SkinBus:
             self._network = None
             self.traffic.end(timeout=2.0)  # a call to on_frame may still be running
 
-    def drop_incomplete(self, is_wanted: bool) -> None:
+    def withhold_incomplete(self, is_wanted: bool) -> None:
         """Withhold incomplete taxel frames from now on if ``is_wanted`` is True; emit them otherwise."""
-        self._router.drop_incomplete(is_wanted)
+        self._router.withhold_incomplete(is_wanted)
 
     def facts(self) -> BusFacts:
         """Return the counts since construction. The state of the bus and its nodes is known to the `Supervisor`."""

@@ -150,7 +150,7 @@ class LogSource:
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         """Set ``drop_incomplete``. The timeout is ignored, because the heartbeats in a log are not supervised."""
-        self._router.drop_incomplete(drop_incomplete)
+        self._router.withhold_incomplete(drop_incomplete)
 
     def facts(self) -> BusFacts:
         """Return the facts about the log. A log has no nodes, so it can only fail as a whole."""

@@ -154,7 +154,7 @@ class Supervisor:
         return sum(node.monitor.boots for node in self._by_pad[pad])
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
-        self._bus.drop_incomplete(drop_incomplete)
+        self._bus.withhold_incomplete(drop_incomplete)
         timeouts = self._timeouts(heartbeat_timeout)
         self._watch.overload.limit = timeouts[1] / 2
         for node in self._nodes:
