@@ -19,8 +19,8 @@ from tactile_node.ros.time_messages import seconds
 
 logger = logging.getLogger(__name__)
 
-# A gap in the sequence counts as skipped frames up to the larger of two limits. A larger gap means that the sender has
-# restarted its count.
+# The frames of a gap in the sequence count as lost (`skipped`) up to the larger of two limits. A larger gap means that
+# the sender has restarted its count.
 MOST_SKIPPED = 10_000  #: First limit on the gap [frames].
 #: Second limit on the gap, as a rate over the time between the stamps [frames/s]. A rate allows for a link that is down
 #: for hours.
