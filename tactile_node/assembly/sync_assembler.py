@@ -55,6 +55,27 @@ assembler drops every TPDO that may answer another SYNC:
 10. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
     that period are not published: they are LATE.
 
+Example of a pad with one node and the ranks 0, 1 and 2, and SYNC every 20 ms:
+
+    =========  ==========  ==========================================================  ==========================
+    time [ms]  CAN frames  node                                                        emitted
+    =========  ==========  ==========================================================  ==========================
+    0          SYNC        in step
+    1 - 3      0 1 2                                                                   sweep of 0 ms, complete (7)
+    20, 21     SYNC 0
+    40         SYNC        behind by 1, and owes the tail 1 2 (3)
+    41, 42     1 2         the TPDOs are held (2)
+    43         0           in step, because a further run begins                       sweep of 20 ms, complete (3)
+    44, 45     1 2                                                                     sweep of 40 ms, complete (7)
+    60         SYNC
+    80         SYNC        behind by 1, because it sent nothing after 60 ms (2)        sweep of 60 ms, all STALE (8)
+    81 - 83    0 1 2       the TPDOs are held: they answer the SYNC of 60 or of 80 ms
+    84         0           in step; the held TPDOs are LATE (2)
+    85, 86     1 2                                                                     sweep of 80 ms, complete (7)
+    =========  ==========  ==========================================================  ==========================
+
+The numbers in parentheses are those of the rules.
+
 A node is in doubt (``is_in_doubt``) if its last period ended with held TPDOs that were lost. The SYNC producer then
 skips SYNCs, so that the bus becomes free.
 
