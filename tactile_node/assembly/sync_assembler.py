@@ -91,7 +91,7 @@ Limits:
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -99,7 +99,6 @@ import numpy as np
 from tactile_node.assembly.facts import LossReason, PadFacts
 from tactile_node.assembly.health import TpdoOrder
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
-from tactile_node.assembly.sweep import Sweep
 from tactile_node.assembly.sweep_sender import SweepSender
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
@@ -107,6 +106,32 @@ from tactile_node.skin.layout import SkinLayout
 #: Largest delay of a SYNC after its stamp [s]. Serial adapters take up to 16 ms to confirm that a SYNC was
 #: sent.
 MOST_LATE = 0.02
+
+
+@dataclass
+class Sweep:
+    """The TPDOs of one pad that answer one SYNC, while they are being received."""
+
+    sequence: int  #: sequence number of the SYNC
+    stamp: float  #: stamp of the SYNC [s]
+    missing: int  #: number of TPDOs not received yet; a TPDO of the wrong length counts as received
+
+    #: True if no TPDO is used, because the TPDOs may answer another SYNC or the stamp may be wrong
+    is_discarded: bool = False
+    is_emitted: bool = False  #: True if the taxel frame was emitted or withheld
+    tpdos: dict[int, bytes] = field(default_factory=dict)  #: data of each valid TPDO by rank
+
+    @property
+    def is_closed(self) -> bool:
+        """True if the sweep takes no further TPDOs."""
+        return self.is_discarded or self.is_emitted
+
+    def discard(self) -> int:
+        """Discard all TPDOs of the sweep, and return their number."""
+        lost = len(self.tpdos)
+        self.tpdos = {}
+        self.is_discarded = True
+        return lost
 
 
 class SyncAssembler(PadAssembler):
