@@ -29,9 +29,9 @@ from tactile_node.nodes.system import System
 from tactile_node.pose.pipeline import Taxels
 from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.message_age import age_seconds
-from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import MOST_WAITING
+from tactile_node.skin.taxel_array import RejectReason
 from tactile_node.taxel_frame import SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, ContactShapes, Grasp, GraspSides, TaxelArray
 

@@ -11,11 +11,12 @@ from rclpy.node import Node
 
 from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.ros.message_age import InputAge
-from tactile_node.ros.message_checks import Check, Message, RejectReason
+from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
 from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.source_guard import SourceGuard, StampGuard
 from tactile_node.ros.time_messages import seconds
+from tactile_node.skin.taxel_array import RejectReason
 
 logger = logging.getLogger(__name__)
 

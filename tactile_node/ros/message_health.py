@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from tactile_node.ros.message_checks import RejectReason
+from tactile_node.skin.taxel_array import RejectReason
 
 OLD = 1.0  #: age above which arriving data counts as held back [s]
 LONGEST_WAY = 0.5  #: longest usual delay of a message [s]. Stamps that are further behind come from another clock.
