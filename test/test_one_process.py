@@ -264,15 +264,18 @@ def test_the_older_contact_of_two_waiting_pads_is_processed_first():
 
 
 def test_messages_for_viewers_follow_the_shapes_of_both_pads():
-    """Computing images and features takes as long as computing a shape, and a planner waits for the shape."""
+    """Computing images and features takes as long as computing a shape, and a planner waits for the shape.
+
+    The times of the pads differ a little, because the driver reads the clocks separately for each pad.
+    """
     made = []
     with Process() as process:
         go = blocked(process.chain)
-        for pad in ('left', 'right'):
+        for pad, acquired in (('left', PERIOD), ('right', PERIOD + 3e-6)):
             process.input(f'/{pad}/classifier')._accept = lambda each, acquired, pad=pad: made.append(f'shape of {pad}')
             process.nodes[f'/{pad}/processor']._views = SimpleNamespace(
                 is_wanted=True, publish=lambda contact, pad=pad: made.append(f'images of {pad}'))
-            process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(1), PERIOD)
+            process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(1), acquired)
         go.set()
         assert process.chain.wait_until_idle(TIMEOUT)
     assert made == ['shape of left', 'shape of right', 'images of left', 'images of right']
