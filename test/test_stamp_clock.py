@@ -75,6 +75,14 @@ def test_syncs_after_a_small_step_back_have_stamps_of_their_own(hands, step):
     assert np.diff(stamps) == pytest.approx(0.02) and clock.jumps == 1
 
 
+def test_a_step_back_while_the_bus_was_closed_is_a_jump(hands):
+    clock = hands.clock()
+    before = clock.now()
+    hands.wait(60)
+    hands.wall -= 3
+    assert clock.now() == pytest.approx(before + 60) and clock.jumps == 1
+
+
 @pytest.mark.parametrize('rate', [-0.08, 0.08])
 @pytest.mark.parametrize('pause', [0.02, 1.0])
 def test_a_slewed_clock_has_not_jumped(hands, rate, pause):

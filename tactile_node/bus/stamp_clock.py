@@ -5,9 +5,10 @@ import time
 from collections.abc import Callable
 
 # The wall clock has jumped if its difference from the steady clock has changed by more than CLOCK_JUMP, plus SLEW_RATE
-# times the time since the last reading.
+# times the time since the last reading. A change of more than MOST_SLEWED is always a jump.
 CLOCK_JUMP = 0.02  #: Largest error of the difference between two readings [s].
 SLEW_RATE = 0.1  #: Largest relative rate at which a daemon slews the clock; chrony slews at up to 0.083.
+MOST_SLEWED = 0.1  #: Largest change that may come from slewing while nothing was read [s].
 CLOCK_DRIFT = 1e-4  #: Largest relative frequency error of an adapter's crystal.
 
 
@@ -122,7 +123,7 @@ class StampClock:
 
     def _look(self) -> tuple[float, float]:
         wall, steady = self._wall(), self._steady()
-        most = CLOCK_JUMP + SLEW_RATE * (steady - self._read)
+        most = min(CLOCK_JUMP + SLEW_RATE * (steady - self._read), MOST_SLEWED)
         if abs(wall - steady - self._offset) > most:  # the clock has jumped, or the thread was interrupted here
             wall, steady = self._both()
         offset = wall - steady
