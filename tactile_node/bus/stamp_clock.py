@@ -96,9 +96,10 @@ class StampClock:
             ages = [wall - timestamp, steady + self._before - timestamp]
             return wall + self.ahead - min((age for age in ages if age >= 0), default=0.0)
 
-    def age(self, stamp: float) -> float:
-        """Return the age of a stamp [s]. The age is correct even if the wall clock was set once after the message was
-        stamped.
+    def acquired(self, stamp: float) -> float:
+        """Return the time on the steady clock that a stamp denotes [s].
+
+        The time is correct even if the wall clock was set once after the message was stamped.
 
         Parameters
         ----------
@@ -110,7 +111,7 @@ class StampClock:
             taken = stamp - self._lead_before
             if taken > self._jumped:
                 taken = stamp - self._offset - self.ahead
-            return max(0.0, steady - taken)
+            return min(steady, taken)
 
     def _both(self) -> tuple[float, float]:
         """Return the wall clock and the steady clock, read at the same time [s]."""

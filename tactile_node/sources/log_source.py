@@ -136,9 +136,9 @@ class LogSource:
         self.stop()
         self._messages = None
 
-    def age(self, stamp: float) -> float:
-        """Return the time since ``stamp`` was played [s], or a lower bound for stamps played long ago."""
-        return self._played.age(stamp)
+    def acquired(self, stamp: float) -> float:
+        """Return the time when ``stamp`` was played [s], or an upper bound for stamps played long ago."""
+        return self._played.time_of(stamp)
 
     def auto_zero(self, pad: str) -> int:
         raise DeviceError(f'pad {pad!r}', expected='a device that zeroes itself', got=f'the log {self._path}',

@@ -144,8 +144,8 @@ class Supervisor:
             thread.join()
         self._bus.close()
 
-    def age(self, stamp: float) -> float:
-        return self._bus.traffic.clock.age(stamp)
+    def acquired(self, stamp: float) -> float:
+        return self._bus.traffic.clock.acquired(stamp)
 
     def auto_zero(self, pad: str) -> int:
         return self._bus.devices.auto_zero(pad)
@@ -267,7 +267,7 @@ class Supervisor:
             node.monitor.expect(time.monotonic())
 
     def _deliver_trusted(self, name: str, frame: TaxelFrame) -> None:
-        acquired = time.monotonic() - self.age(frame.stamp)
+        acquired = self.acquired(frame.stamp)
         for node in self._by_pad[name]:
             frame = node.monitor.only_trusted(frame, acquired)
         self._on_frame(name, frame)
