@@ -44,8 +44,8 @@ from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recognition import Recognition, Shape
+from tactile_node.shape.support import SURE
 
-SURE = 0.9
 IDLE = np.zeros(BLOCK_PAD)  #: Frame of the blocks' array without a contact.
 WITHOUT_SHAPE = ('foreign', 'none')  #: Labels for which any of the five shapes is a wrong answer.
 PLACES = {'tekscan': TEKSCAN, 'weiss': WEISS, 'vitac': VITAC}

@@ -15,6 +15,10 @@ from tactile_node.threads import ReportedThread, call_guarded
 
 Call = tuple[Callable[..., object], tuple[object, ...]]
 
+#: Largest difference between the acquisition times of pads that answer the same SYNC [s]. The driver reads the clocks
+#: separately for each pad.
+SAME_SYNC = 0.002
+
 
 class Step(IntEnum):
     """Steps that the chain postpones, the most urgent first."""
@@ -57,7 +61,7 @@ class Chain:
         self._name = name
         self._calls: SimpleQueue[Call | None] = SimpleQueue()
         # heap of the order of the calls: every FIND first, then the oldest taxels, then the earlier step, then the call
-        # that was postponed first; only the chain thread uses it
+        # that was postponed first; only the chain thread uses it. The taxels of a SHOW count as newer by SAME_SYNC.
         self._postponed: list[tuple[bool, float, Step, int, Call]] = []
         self._number = itertools.count()
         self._thread: threading.Thread | None = None
@@ -95,8 +99,8 @@ class Chain:
     def postpone(self, step: Step, acquired: float, call: Callable[..., object], *args: object) -> None:
         """Run a call in a later step of the turn. Only the chain thread may postpone.
 
-        The calls for the oldest taxels run first, so that the shapes of all pads for one SYNC come before the shapes
-        for the next SYNC.
+        The calls for the oldest taxels run first. The shapes of all pads for one SYNC therefore come before the SHOW of
+        these pads, and the SHOW comes before the shapes for the next SYNC.
 
         Parameters
         ----------
@@ -109,7 +113,8 @@ class Chain:
         *args
             Its arguments.
         """
-        heapq.heappush(self._postponed, (step is not Step.FIND, acquired, step, next(self._number), (call, args)))
+        due = acquired + SAME_SYNC if step is Step.SHOW else acquired
+        heapq.heappush(self._postponed, (step is not Step.FIND, due, step, next(self._number), (call, args)))
 
     def wait_until_idle(self, timeout: float, *, with_postponed: bool = True) -> bool:
         """Wait until all calls posted so far, and everything that they postpone, have run.

@@ -113,7 +113,7 @@ def test_a_started_node_is_not_behind(assembler):
     sweep = [(ROW_1, '0B0B'), (ROW_2, '0B0B'), (ROW_3, '0B0B')]
     for stamp in range(50):
         assembler.sync(stamp)
-    assembler.start(1)
+    assembler.node_started(1)
     assembler.sync(50)
     check(send(assembler, *sweep, at=50.5), np.full((3, 2), 2), sequence=50)
     assert assembler.facts().missing == 50 * 3 and is_balanced(assembler)

@@ -173,7 +173,7 @@ def test_the_force_of_a_pad_is_that_of_all_its_contacts():
     assert found.moments.force == pytest.approx(7.2) and pad_force(found) == (pytest.approx(10.4), False)
     alone = found_in(pressed(LARGEST))
     assert pad_force(alone) == (alone.moments.force, False)
-    assert pad_force(found_in(pressed(LARGEST, SECOND, level=0.1), unit='N')).force == pytest.approx(5.2)
+    assert pad_force(found_in(pressed(LARGEST, SECOND, level=0.1), unit='N'))[0] == pytest.approx(5.2)
 
 
 def test_the_ring_between_two_contacts_counts_once():
@@ -182,7 +182,7 @@ def test_the_ring_between_two_contacts_counts_once():
     frame[4:10, 7] = 5e3
     found = found_in(frame)
     assert found.pattern.contacts == 2
-    assert pad_force(found).force == pytest.approx(frame.sum() * PITCH**2)
+    assert pad_force(found)[0] == pytest.approx(frame.sum() * PITCH**2)
 
 
 def test_invalid_and_negative_taxels_of_the_ring_do_not_change_the_force():
@@ -198,15 +198,15 @@ def test_the_force_is_the_load_on_the_skin(kind):
     for _ in range(4):
         closed = close(random_place(rng, random_thing(rng, kind), shift=0.001, tilt=0.02))
         found = found_in(noisy(closed.values[0], rng))
-        assert pad_force(found).force == pytest.approx(FORCE, rel=0.025)
+        assert pad_force(found)[0] == pytest.approx(FORCE, rel=0.025)
 
 
 def test_an_empty_pad_has_no_force_and_an_unseen_pad_has_an_unknown_force():
     assert pad_force(found_in(np.zeros((16, 16)))) == (0.0, False)
     hidden = np.zeros((16, 16))
     hidden[:7] = np.nan
-    assert np.isnan(pad_force(found_in(hidden)).force)
-    assert np.isnan(pad_force(found_in(pressed(LARGEST, SECOND, level=1.0), unit='1')).force)
+    assert np.isnan(pad_force(found_in(hidden))[0])
+    assert np.isnan(pad_force(found_in(pressed(LARGEST, SECOND, level=1.0), unit='1'))[0])
 
 
 def with_value(frame, place, value):
@@ -229,8 +229,8 @@ def test_a_second_contact_that_may_press_harder_makes_the_force_of_the_pad_a_bou
     if saturated is not None:
         mask[saturated] = True
     found = found_in(frame, ends, saturated=mask)
-    assert not found.moments.force_is_bound and pad_force(found).is_bound
-    assert pad_force(found).force <= 10.4 + 1e-9
+    assert not found.moments.force_is_bound and pad_force(found)[1]
+    assert pad_force(found)[0] <= 10.4 + 1e-9
 
 
 def test_a_second_contact_where_the_finger_ends_is_whole_as_the_largest_one():
@@ -239,14 +239,14 @@ def test_a_second_contact_where_the_finger_ends_is_whole_as_the_largest_one():
 
 def test_the_force_of_a_pad_is_a_bound_if_its_largest_force_is_one():
     saturated = pressed(LARGEST) > 0
-    assert pad_force(found_in(pressed(LARGEST, SECOND), saturated=saturated)).is_bound
+    assert pad_force(found_in(pressed(LARGEST, SECOND), saturated=saturated))[1]
 
 
 def test_more_contacts_than_have_labels_are_a_bound():
     many = np.zeros((64, 64))
     many[1:-1:3, 1:-1:3] = 50e3
     found = ContactPipeline().find(many, Taxels(PITCH, 'Pa', finger_ends=SkinSide(15)))
-    assert found.pattern.contacts > 255 and pad_force(found).is_bound
+    assert found.pattern.contacts > 255 and pad_force(found)[1]
 
 
 @pytest.mark.parametrize('dead', [False, True])

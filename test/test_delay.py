@@ -22,11 +22,14 @@ class Result(NamedTuple):
     arrival: np.ndarray
     true: np.ndarray  # True transmission delay [s].
     held: np.ndarray
-    settled: np.ndarray
+
+    @property
+    def settled(self) -> np.ndarray:
+        return np.isfinite(self.held)
 
     @property
     def fresh(self) -> np.ndarray:
-        return self.settled & (self.held <= LIMIT)
+        return self.held <= LIMIT
 
     @property
     def misled(self) -> np.ndarray:
@@ -50,8 +53,7 @@ def run(sent, delay, clock=lambda t: t, estimator=None, keep=None):
     order = np.argsort(sent + delay, kind='stable')
     sent, arrival = sent[order], (sent + delay)[order]
     results = [estimator.update(*pair) for pair in zip(arrival, map(clock, sent))]
-    return Result(arrival, arrival - sent, np.array([each.held_back for each in results]),
-                  np.array([each.settled for each in results]))
+    return Result(arrival, arrival - sent, np.array(results))
 
 
 def queued(sent, delay):

@@ -212,7 +212,7 @@ def test_tpdos_from_before_and_after_the_start_of_a_node_are_not_joined(tmp_path
     """The node restarts within milliseconds, and its range or mapping may have changed meanwhile."""
     assembler = made(tmp_path, text)
     results = sweep(assembler, 5.0, 11, [0, 1])
-    assembler.start(1)
+    assembler.node_started(1)
     results += sweep(assembler, 5.002, 12, [2]) + assembler.end_period()
     assert [rows(frame) for frame in frames(results)] == [[11, 11, None], [None, None, 12]]
     assert is_balanced(assembler)

@@ -20,11 +20,11 @@ from std_msgs.msg import Header
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, Opening
 from tactile_node.nodes.opening_source import make_opening_source
-from tactile_node.ros.message_checks import RejectReason as R
 from tactile_node.ros.message_health import total
 from tactile_node.ros.opening_messages import opening_status
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import GraspNodeSettings
+from tactile_node.skin.taxel_array import RejectReason as R
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 

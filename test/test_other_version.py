@@ -16,8 +16,9 @@ from built_messages import built
 from ros_bench import RosBench
 
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.ros.message_checks import RejectReason, check_taxel_array
+from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.qos import frames_qos
+from tactile_node.skin.taxel_array import RejectReason
 from tactile_skin.msg import TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus,

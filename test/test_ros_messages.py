@@ -25,11 +25,12 @@ from tactile_node.ros.contact_messages import (
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import face_of, grasp_message, side_result, sides_message
 from tactile_node.ros.message_age import InputAge, age_seconds
-from tactile_node.ros.message_checks import RejectReason, check_contact_shape, check_taxel_array
+from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
 from tactile_node.ros.shape_messages import pad_shape, pose_message
 from tactile_node.ros.time_messages import time_message
 from tactile_node.shape.fusion import FusedRecognition
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
+from tactile_node.skin.taxel_array import RejectReason
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, TpdoAges
 from tactile_skin.msg import ContactShape, Grasp
 

@@ -13,11 +13,11 @@ from ros_bench import TIMEOUT, RosBench
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource
 from tactile_node.nodes.opening_source import make_opening_source
-from tactile_node.ros.message_checks import RejectReason as R
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
 from tactile_node.ros.settings import GraspNodeSettings
 from tactile_node.ros.time_messages import time_message
+from tactile_node.skin.taxel_array import RejectReason as R
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
 

@@ -44,8 +44,8 @@ class FrameSource(Protocol):
     def close(self) -> None:
         """Release the bus or the log. ``close`` is allowed in every state and may be repeated."""
 
-    def age(self, stamp: float) -> float:
-        """Return the time that has passed since a frame was acquired or played, measured on the steady clock [s].
+    def acquired(self, stamp: float) -> float:
+        """Return the time on the steady clock when a frame was acquired or played [s].
 
         Parameters
         ----------

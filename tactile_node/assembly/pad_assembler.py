@@ -76,7 +76,7 @@ class PadAssembler:
         self._forget()
         self._sequence += lost_periods
 
-    def start(self, node_id: int) -> None:
+    def node_started(self, node_id: int) -> None:
         """Record that a silent node was started."""
 
     def settle(self) -> None:

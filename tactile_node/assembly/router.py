@@ -46,7 +46,7 @@ class Router:
     def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
                  one_clock: bool = True, drop_incomplete: bool = False, bitrate: int = SLOW_BITRATE):
         self._assemblers = {pad.name: _assembler(pad, one_clock) for pad in pads}
-        self.drop_incomplete(drop_incomplete)
+        self.withhold_incomplete(drop_incomplete)
         self._owners = {can_id: (name, assembler) for name, assembler in self._assemblers.items()
                         for can_id in assembler.can_ids}
         self.can_ids = frozenset(self._owners)  #: COB-IDs of the TPDOs or SDOs that carry taxels
@@ -80,19 +80,19 @@ class Router:
         for assembler in self._assemblers.values():
             assembler.resume(lost_periods)
 
-    def start(self, node_id: int) -> None:
+    def node_started(self, node_id: int) -> None:
         """Record that a silent node was started."""
         for assembler in self._assemblers.values():
-            assembler.start(node_id)
+            assembler.node_started(node_id)
 
     def pause(self) -> None:
         """From now on, ignore SYNCs from other devices and the data of pads without SYNC.
 
-        A paused router emits no frames.
+        A pad with SYNC still emits the sweeps that have begun, as soon as their TPDOs have arrived.
         """
         self.is_running = False
 
-    def drop_incomplete(self, is_wanted: bool) -> None:
+    def withhold_incomplete(self, is_wanted: bool) -> None:
         """Withhold incomplete taxel frames from now on if ``is_wanted`` is True; emit them otherwise."""
         for assembler in self._assemblers.values():
             assembler.drop_incomplete = is_wanted

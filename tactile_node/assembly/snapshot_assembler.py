@@ -67,7 +67,7 @@ class SnapshotAssembler(PadAssembler):
         self._unused = np.zeros(size, bool)  # True by rank for values that no emitted frame contains
         self.restart()
 
-    def start(self, node_id: int) -> None:
+    def node_started(self, node_id: int) -> None:
         """Record that a node was started. The assembler forgets the node's values when the next TPDO arrives."""
         self._started.add(node_id)
 

@@ -70,7 +70,7 @@ class SweepAssembler(PadAssembler):
         self._last = -1, b''  # rank and bytes of the last TPDO
         self.restart()
 
-    def start(self, node_id: int) -> None:
+    def node_started(self, node_id: int) -> None:
         """Record that the node was started. The next TPDO of the node begins a run."""
         self._is_continued = False
 

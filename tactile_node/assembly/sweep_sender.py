@@ -48,7 +48,7 @@ class SweepSender:
         self._was_started = False
         self._began_in_step = not behind
 
-    def start(self) -> None:
+    def started(self) -> None:
         """Record that the silent node was started. The node owes no answer to an earlier SYNC."""
         if not self.received:
             self.restart()

@@ -55,6 +55,27 @@ assembler drops every TPDO that may answer another SYNC:
 10. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
     that period are not published: they are LATE.
 
+Example of a pad with one node and the ranks 0, 1 and 2, and SYNC every 20 ms:
+
+    =========  ==========  ==========================================================  ==========================
+    time [ms]  CAN frames  node                                                        emitted
+    =========  ==========  ==========================================================  ==========================
+    0          SYNC        in step
+    1 - 3      0 1 2                                                                   sweep of 0 ms, complete (7)
+    20, 21     SYNC 0
+    40         SYNC        behind by 1, and owes the tail 1 2 (3)
+    41, 42     1 2         the TPDOs are held (2)
+    43         0           in step, because a further run begins                       sweep of 20 ms, complete (3)
+    44, 45     1 2                                                                     sweep of 40 ms, complete (7)
+    60         SYNC
+    80         SYNC        behind by 1, because it sent nothing after 60 ms (2)        sweep of 60 ms, all STALE (8)
+    81 - 83    0 1 2       the TPDOs are held: they answer the SYNC of 60 or of 80 ms
+    84         0           in step; the held TPDOs are LATE (2)
+    85, 86     1 2                                                                     sweep of 80 ms, complete (7)
+    =========  ==========  ==========================================================  ==========================
+
+The numbers in parentheses are those of the rules.
+
 A node is in doubt (``is_in_doubt``) if its last period ended with held TPDOs that were lost. The SYNC producer then
 skips SYNCs, so that the bus becomes free.
 
@@ -70,7 +91,7 @@ Limits:
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -78,7 +99,6 @@ import numpy as np
 from tactile_node.assembly.facts import LossReason, PadFacts
 from tactile_node.assembly.health import TpdoOrder
 from tactile_node.assembly.pad_assembler import Frames, PadAssembler
-from tactile_node.assembly.sweep import Sweep
 from tactile_node.assembly.sweep_sender import SweepSender
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
@@ -86,6 +106,32 @@ from tactile_node.skin.layout import SkinLayout
 #: Largest delay of a SYNC after its stamp [s]. Serial adapters take up to 16 ms to confirm that a SYNC was
 #: sent.
 MOST_LATE = 0.02
+
+
+@dataclass
+class Sweep:
+    """The TPDOs of one pad that answer one SYNC, while they are being received."""
+
+    sequence: int  #: sequence number of the SYNC
+    stamp: float  #: stamp of the SYNC [s]
+    missing: int  #: number of TPDOs not received yet; a TPDO of the wrong length counts as received
+
+    #: True if no TPDO is used, because the TPDOs may answer another SYNC or the stamp may be wrong
+    is_discarded: bool = False
+    is_emitted: bool = False  #: True if the taxel frame was emitted or withheld
+    tpdos: dict[int, bytes] = field(default_factory=dict)  #: data of each valid TPDO by rank
+
+    @property
+    def is_closed(self) -> bool:
+        """True if the sweep takes no further TPDOs."""
+        return self.is_discarded or self.is_emitted
+
+    def discard(self) -> int:
+        """Discard all TPDOs of the sweep, and return their number."""
+        lost = len(self.tpdos)
+        self.tpdos = {}
+        self.is_discarded = True
+        return lost
 
 
 class SyncAssembler(PadAssembler):
@@ -129,14 +175,14 @@ class SyncAssembler(PadAssembler):
     def resume(self, lost_periods: int) -> None:
         """Continue after an outage and skip ``lost_periods`` sequence numbers.
 
-        All nodes are out of step, except the nodes for which ``start`` is called.
+        All nodes are out of step, except the nodes for which ``node_started`` is called.
         """
         super().resume(lost_periods)
         self._restart_nodes(behind=inf)
 
-    def start(self, node_id: int) -> None:
+    def node_started(self, node_id: int) -> None:
         if node_id in self._nodes:
-            self._nodes[node_id].start()
+            self._nodes[node_id].started()
 
     def settle(self) -> None:
         for node in self._nodes.values():

@@ -216,7 +216,7 @@ class SkinBus:
             Raised if the command cannot be sent.
         """
         if was_silent:
-            self.traffic.put(self._router.start, node.node_id)
+            self.traffic.post(self._router.node_started, node.node_id)
         self.devices.command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
@@ -225,7 +225,7 @@ class SkinBus:
         The sequence numbers skip ``lost_periods``. The method does not start the devices.
         """
         self._opened()
-        self.traffic.put(self._router.resume, lost_periods)
+        self.traffic.post(self._router.resume, lost_periods)
         self._is_running = True
         self._start_pacers()
 
@@ -237,7 +237,7 @@ class SkinBus:
         self._sync.stop()
         for poll in self._polls.values():
             poll.stop()
-        self.traffic.put(self._router.pause)
+        self.traffic.post(self._router.pause)
         for node in self._nodes if self.failure is None else ():
             try:
                 self.devices.command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
@@ -259,9 +259,9 @@ class SkinBus:
             self._network = None
             self.traffic.end(timeout=2.0)  # a call to on_frame may still be running
 
-    def drop_incomplete(self, is_wanted: bool) -> None:
+    def withhold_incomplete(self, is_wanted: bool) -> None:
         """Withhold incomplete taxel frames from now on if ``is_wanted`` is True; emit them otherwise."""
-        self._router.drop_incomplete(is_wanted)
+        self._router.withhold_incomplete(is_wanted)
 
     def facts(self) -> BusFacts:
         """Return the counts since construction. The state of the bus and its nodes is known to the `Supervisor`."""

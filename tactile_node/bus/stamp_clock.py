@@ -4,9 +4,11 @@ import threading
 import time
 from collections.abc import Callable
 
-#: Smallest change of the difference between wall clock and steady clock that counts as a jump [s]. A smaller change may
-#: come from slewing.
-CLOCK_JUMP = 0.1
+# The wall clock has jumped if its difference from the steady clock has changed by more than CLOCK_JUMP, plus SLEW_RATE
+# times the time since the last reading. A change of more than MOST_SLEWED is always a jump.
+CLOCK_JUMP = 0.02  #: Largest error of the difference between two readings [s].
+SLEW_RATE = 0.1  #: Largest relative rate at which a daemon slews the clock; chrony slews at up to 0.083.
+MOST_SLEWED = 0.1  #: Largest change that may come from slewing while nothing was read [s].
 CLOCK_DRIFT = 1e-4  #: Largest relative frequency error of an adapter's crystal.
 
 
@@ -60,6 +62,7 @@ class StampClock:
             self.ahead = 0.0
             wall, steady = self._both()
             self._offset = wall - steady
+            self._read = steady  # time when the offset was read, on the steady clock
             self._before = 0.0  # offset of the wall clock before the last jump
             self._lead_before = 0.0  # stamp minus steady clock before the last jump
             self._jumped = -float('inf')  # time of the last jump, on the steady clock
@@ -93,9 +96,10 @@ class StampClock:
             ages = [wall - timestamp, steady + self._before - timestamp]
             return wall + self.ahead - min((age for age in ages if age >= 0), default=0.0)
 
-    def age(self, stamp: float) -> float:
-        """Return the age of a stamp [s]. The age is correct even if the wall clock was set once after the message was
-        stamped.
+    def acquired(self, stamp: float) -> float:
+        """Return the time on the steady clock that a stamp denotes [s].
+
+        The time is correct even if the wall clock was set once after the message was stamped.
 
         Parameters
         ----------
@@ -107,7 +111,7 @@ class StampClock:
             taken = stamp - self._lead_before
             if taken > self._jumped:
                 taken = stamp - self._offset - self.ahead
-            return max(0.0, steady - taken)
+            return min(steady, taken)
 
     def _both(self) -> tuple[float, float]:
         """Return the wall clock and the steady clock, read at the same time [s]."""
@@ -120,15 +124,17 @@ class StampClock:
 
     def _look(self) -> tuple[float, float]:
         wall, steady = self._wall(), self._steady()
-        if abs(wall - steady - self._offset) > CLOCK_JUMP:  # the clock has jumped, or the thread was interrupted here
+        most = min(CLOCK_JUMP + SLEW_RATE * (steady - self._read), MOST_SLEWED)
+        if abs(wall - steady - self._offset) > most:  # the clock has jumped, or the thread was interrupted here
             wall, steady = self._both()
         offset = wall - steady
-        if abs(step := offset - self._offset) > CLOCK_JUMP:
+        if abs(step := offset - self._offset) > most:
             self.jumps += 1
             self._before, self._jumped = self._offset, steady
             self._lead_before = self._offset + self.ahead
             self.ahead = max(0.0, self.ahead - step)
         self._offset = offset
+        self._read = steady
         return wall, steady
 
     def _adapter_age(self, timestamp: float, steady: float) -> float:

@@ -63,8 +63,8 @@ class Traffic:
         self.clock = StampClock(is_host_stamped)
         self._jumps_reported = 0
         self.no_data_frames: Counter[str] = Counter()  #: received messages that are not data frames, by kind
-        self._put = 0  # CAN frames put into the queue
-        self._fed = 0  # CAN frames taken from the queue
+        self._posted = 0  # CAN frames posted to the chain
+        self._fed = 0  # CAN frames that the chain has fed to the router
 
         #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped.
         #: no_data_frames counts the other messages of the batches for which the queue was full.
@@ -79,7 +79,7 @@ class Traffic:
         """Begin to receive. No message before this moment belongs to a frame."""
         self._is_gap = True
         if self._owns_chain:
-            self._put = self._fed = 0
+            self._posted = self._fed = 0
             self._chain.start()
 
     def end(self, timeout: float) -> None:
@@ -93,12 +93,12 @@ class Traffic:
         """Start the sequence numbers at 0, and let the stamps follow the wall clock."""
         self.clock.restart()
         self.pause.restart()
-        self.put(self._router.restart)
+        self.post(self._router.restart)
 
-    def put(self, call: Callable[..., object], *args: object) -> None:
+    def post(self, call: Callable[..., object], *args: object) -> None:
         """Post a call to the chain, behind all messages received so far.
 
-        Any thread may call ``put``. The method returns immediately.
+        Any thread may call ``post``. The method returns immediately.
 
         Parameters
         ----------
@@ -129,9 +129,9 @@ class Traffic:
                 # the bus may have more errors than the controller reports
                 came = inf if message.is_error_frame else self.clock.of(message.timestamp)
                 frames.append((NO_DATA, b'', came))
-        if self._put - self._fed + len(frames) <= self._queue_limit:
-            self._put += len(frames)
-            self.put(self._feed, frames, self._came(batch), self._most_free(batch, is_gap))
+        if self._posted - self._fed + len(frames) <= self._queue_limit:
+            self._posted += len(frames)
+            self.post(self._feed, frames, self._came(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
             self.overruns += sum(can_id != NO_DATA for can_id, _, _ in frames)
@@ -187,7 +187,7 @@ class Traffic:
         """Count a frame that this driver is about to send, and queue it if it is an SDO request to a polled node."""
         self._monitor.feed_own(len(data))
         if can_id - SDO_REQUEST in self._polled:
-            self.put(self._router.feed, can_id, bytes(data), self.clock.now())
+            self.post(self._router.feed, can_id, bytes(data), self.clock.now())
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
         """Send a SYNC, unless the driver must skip it so that the bus becomes free (`SyncPause`).
@@ -213,7 +213,7 @@ class Traffic:
 
         def announce() -> float:
             stamp = self.clock.now()
-            self.put(self._begin_period, stamp, written)
+            self.post(self._begin_period, stamp, written)
             return stamp - self.clock.ahead
         self.syncs_sent += 1
         try:

@@ -18,7 +18,6 @@ from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.taxel_survey import TaxelFinding
 
 COMPARED = 'rest', 'pads', 'first movement', 'stops'  #: Steps that both records need.
-SAME_PAD = 0.7        #: Correlation of two zeros from which they belong to one pad.
 OTHER_PAD = 0.3       #: Correlation of two zeros below which they belong to different pads.
 CLEAR_PATTERN = 10.0  #: Spread of a zero over the taxels that identifies a pad [standard deviations of its mean].
 RATE_CHANGE = 0.05    #: Change of a rate or a speed that is reported.

@@ -17,11 +17,14 @@ from tactile_node.grasp.steadiness import Steadiness, SteadinessSettings
 from tactile_node.shape.recognition import Shape
 
 SIDES = ('left', 'right')
-# A side is silent after SILENT_PERIODS periods without a result, but not before SHORTEST_SILENCE has passed.
-SHORTEST_SILENCE = 0.1  #: [s]
-SILENT_PERIODS = 3
-#: Share of the silent time after which the tracker reports a silence, so that planners notice the silence in time.
-NOTICE_SHARE = 0.75
+# A side is silent after SILENT_PERIODS periods without a result, but not before SHORTEST_SILENCE has passed. Planners
+# must learn of a silence within 3 periods, or within 0.1 s if that is longer. The limits leave time for the message.
+SILENT_PERIODS = 2.25
+SHORTEST_SILENCE = 0.075  #: [s]
+# The hold restarts after a gap of more than GAP_PERIODS periods between two acquisitions, but not after a gap of less
+# than SHORTEST_GAP.
+GAP_PERIODS = 3
+SHORTEST_GAP = 0.1  #: [s]
 PERIODS_KEPT = 15    #: Number of latest periods whose median is taken as the period of a side.
 
 
@@ -192,10 +195,11 @@ class _Side:
 
     @property
     def silence_limit(self) -> float:
-        return NOTICE_SHARE * self._longest_gap()
+        return self._time_of(SILENT_PERIODS, SHORTEST_SILENCE)
 
-    def _longest_gap(self) -> float:
-        return max(SHORTEST_SILENCE, SILENT_PERIODS * median(self._gaps)) if self._gaps else SHORTEST_SILENCE
+    def _time_of(self, periods: float, shortest: float) -> float:
+        """Return the duration of this many ``periods`` of the side, but at least ``shortest`` [s]."""
+        return max(shortest, periods * median(self._gaps)) if self._gaps else shortest
 
     @property
     def _is_followed(self) -> bool:
@@ -233,7 +237,7 @@ class _Side:
             self._follow(result)
 
     def _follow(self, result: SideResult) -> None:
-        """Follow the contact. A change of shape or a silence restarts the hold, but a single hidden frame does not.
+        """Follow the contact. A change of shape or a gap restarts the hold, but a single hidden frame does not.
 
         A contact that reaches the edge of the pad may hide its creep. For example, a bar across the whole pad hides its
         creep when the bar slides along its own length.
@@ -242,7 +246,7 @@ class _Side:
             return
         before = self._touch
         if (before is None or result.class_name != before.class_name
-                or abs(result.time - before.time) > self._longest_gap()):
+                or abs(result.time - before.time) > self._time_of(GAP_PERIODS, SHORTEST_GAP)):
             self._steadiness.restart()
         self._touch = result
         self.rests = self._steadiness.update(result.time, result.centre, result.resolution) and not result.moves

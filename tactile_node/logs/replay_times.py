@@ -63,16 +63,15 @@ class PlayedTimes:
         if not self._entries or now - self._entries[-1][1] >= PLAYED_RESOLUTION:
             self._entries.append((stamp, now))
 
-    def age(self, stamp: float) -> float:
-        """Return the time since ``stamp`` was played [s], with the resolution PLAYED_RESOLUTION.
+    def time_of(self, stamp: float) -> float:
+        """Return the time when ``stamp`` was played, on the steady clock [s], with the resolution PLAYED_RESOLUTION.
 
-        For a stamp older than all kept entries, the result is a lower bound.
+        For a stamp older than all kept entries, the result is an upper bound. Before the first entry, it is now.
         """
-        now = self._steady()
         played = next((at for first, at in reversed(self._entries) if first <= stamp), None)
         if played is None:
-            played = self._entries[0][1] if self._entries else now
-        return now - played
+            played = self._entries[0][1] if self._entries else self._steady()
+        return played
 
 
 SECOND = 1_000_000_000  #: [ns]

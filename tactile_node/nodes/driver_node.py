@@ -182,7 +182,7 @@ class DriverNode(StageNode, LifecycleNode):
         outputs = {}
         for pad, frame_id in zip(pads, pad_frames(settings, pads)):
             outputs[pad.name] = output = PadOutput(
-                self, pad, frame_id, conditioned[pad.name], settings, self._stages, source.age,
+                self, pad, frame_id, conditioned[pad.name], settings, self._stages, source.acquired,
                 layer=responses[pad.name].layer if pad.name in responses else None)
             self._owned.append(output.destroy)
             if settings.replay and settings.lossless and not output.is_answered:
@@ -208,7 +208,7 @@ class DriverNode(StageNode, LifecycleNode):
         """Publish a taxel frame of a log on the chain thread, while the thread of the log waits.
 
         A lossless log waits until all stages have processed the frame. Any other log waits only until the contacts are
-        found, so that a slow machine leaves out shapes as with a live bus.
+        found. On a slow machine, newer contacts therefore overtake older ones, as with a live bus.
         """
         chain, is_lossless = self._stages.chain, self._settings is not None and self._settings.lossless
         chain.post(self._publish, pad, frame)

@@ -5,22 +5,23 @@ import math
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from typing import Any, Generic, Protocol, TypeAlias
+from typing import Any, Generic, TypeAlias
 
 from rclpy.node import Node
 
 from tactile_node.bus.log_throttle import LogThrottle
-from tactile_node.ros.message_age import AgedMessage, InputAge
-from tactile_node.ros.message_checks import Check, Message, RejectReason
+from tactile_node.ros.message_age import InputAge
+from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
 from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.source_guard import SourceGuard, StampGuard
 from tactile_node.ros.time_messages import seconds
+from tactile_node.skin.taxel_array import RejectReason
 
 logger = logging.getLogger(__name__)
 
-# A gap in the sequence counts as skipped frames up to the larger of two limits. A larger gap means that the sender has
-# restarted its count.
+# The frames of a gap in the sequence count as lost (`skipped`) up to the larger of two limits. A larger gap means that
+# the sender has restarted its count.
 MOST_SKIPPED = 10_000  #: First limit on the gap [frames].
 #: Second limit on the gap, as a rate over the time between the stamps [frames/s]. A rate allows for a link that is down
 #: for hours.
@@ -28,12 +29,6 @@ FASTEST = 1000.0
 
 
 FrameKey: TypeAlias = tuple[int, int, int]  #: Sequence number and stamp (s, ns) of a frame.
-
-
-class ChainMessage(AgedMessage, Protocol):
-    """A message of the processing chain, which describes one taxel frame."""
-
-    sequence: int
 
 
 class MessageGuard(Generic[Message]):
@@ -172,7 +167,7 @@ class MessageGuard(Generic[Message]):
             raise error
         self._drop(RejectReason.PROCESSING_FAILED, error)
 
-    def _check_type(self, message: ChainMessage) -> RejectReason | None:
+    def _check_type(self, message: Any) -> RejectReason | None:
         """Return OTHER_TYPE if a publisher uses another version of the message type.
 
         The types are read again only if the publishers may have changed: if their number differs, or if the sequence
@@ -186,7 +181,7 @@ class MessageGuard(Generic[Message]):
             self._other_types = publishers_of_other_type(self._node, self.topic)
         return RejectReason.OTHER_TYPE if self._other_types else None
 
-    def _check_sender(self, message: ChainMessage) -> RejectReason | None:
+    def _check_sender(self, message: Any) -> RejectReason | None:
         """Return STAMP_AHEAD if the stamp is too far ahead, or OTHER_SOURCE if two sources send."""
         if not self._follows_sender:
             return None
@@ -196,7 +191,7 @@ class MessageGuard(Generic[Message]):
         is_accepted = self._sources.accepts(now, message.sequence, stamp, _left_out_before(message))
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
-    def _note(self, message: ChainMessage, acquired: float | None) -> None:
+    def _note(self, message: Any, acquired: float | None) -> None:
         """Record the time of acquisition and the sequence number of a message that is used."""
         if not self._kind_is_of_chain:
             return

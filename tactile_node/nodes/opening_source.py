@@ -24,7 +24,6 @@ from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import publish_status
 from tactile_node.parameter import table
 from tactile_node.ros.message_age import MeasurementTime, use_stamps
-from tactile_node.ros.message_checks import RejectReason
 from tactile_node.ros.message_health import total
 from tactile_node.ros.opening_messages import (
     check_joint_state,
@@ -40,6 +39,7 @@ from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
 from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.settings import GraspNodeSettings
 from tactile_node.ros.time_messages import seconds
+from tactile_node.skin.taxel_array import RejectReason
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import JointState

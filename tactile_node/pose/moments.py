@@ -136,18 +136,8 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
         slope=(np.nan, np.nan) if is_bound else _slope(np.where(mask, values, np.nan), of_unit / pitch**3))
 
 
-class PadForce(NamedTuple):
-    """The total force on a pad."""
-
-    force: float  #: total force of all contacts on the pad [N]; NaN if the force of the main contact is NaN
-
-    #: True if the total is a lower bound, because the force of a contact is a bound or hidden taxels could hold another
-    #: contact
-    is_bound: bool
-
-
 def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, unit: str,
-              visibility: Visibility, finger_ends: SkinSide = NO_SIDE) -> PadForce:
+              visibility: Visibility, finger_ends: SkinSide = NO_SIDE) -> tuple[float, bool]:
     """Return the total force of all contacts on a pad.
 
     For every contact except the main one, a single hidden taxel in or beside the contact makes the total a bound,
@@ -167,15 +157,23 @@ def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, un
         Visibility of ``pattern``.
     finger_ends : SkinSide
         Sides on which the finger ends at the edge of the skin.
+
+    Returns
+    -------
+    force : float
+        Force [N]; NaN if the force of the main contact is NaN.
+    is_bound : bool
+        True if the force is a lower bound, because the force of a contact is a bound or hidden taxels could hold
+        another contact.
     """
     others = (pattern.labels > 0) & ~pattern.mask
     is_bound = contact.force_is_bound or not visibility.pad_seen
     if not np.count_nonzero(others):
-        return PadForce(contact.force, is_bound)
+        return contact.force, is_bound
     seen = visibility_of(pattern._replace(mask=others), 1, finger_ends)
     total = _sum_of(pattern.values, grown(others) & ~grown(pattern.mask))
-    return PadForce(contact.force + total * _newtons(unit, pitch),
-                    is_bound or seen.is_part or pattern.contacts > MOST_LABELS)
+    is_bound = is_bound or seen.is_part or pattern.contacts > MOST_LABELS
+    return contact.force + total * _newtons(unit, pitch), is_bound
 
 
 def _newtons(unit: str, pitch: float) -> float:

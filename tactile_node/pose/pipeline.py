@@ -16,7 +16,7 @@ from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.events import Motion
 from tactile_node.pose.fit import ShapeFit, fit_contact
-from tactile_node.pose.moments import ContactMoments, PadForce, contact_moments, pad_force
+from tactile_node.pose.moments import ContactMoments, contact_moments, pad_force
 from tactile_node.pose.motion import SHIFT_PER_LOAD, MotionFollower, Sight
 from tactile_node.pose.outline_fit import OutlineFit
 from tactile_node.pose.profiles import Layer
@@ -98,8 +98,8 @@ class FoundContact(NamedTuple):
         return contact_moments(self.pattern.values, self.pattern.mask, self.taxels.pitch,
                                self.taxels.unit or ON_OFF_UNIT, self.visibility, self.pattern.noise)
 
-    def pad_force(self, moments: ContactMoments) -> PadForce:
-        """Return the total force of all contacts on the pad, given the ``moments`` of this contact."""
+    def pad_force(self, moments: ContactMoments) -> tuple[float, bool]:
+        """Return the force of all contacts [N] and whether it is a bound, given the ``moments`` of this contact."""
         return pad_force(moments, self.pattern, self.taxels.pitch, self.taxels.unit or ON_OFF_UNIT, self.visibility,
                          self.taxels.finger_ends)
 

@@ -44,17 +44,10 @@ DRIFT = 1e-3  #: relative rate below which a decrease is attributed to a clock t
 LONGEST_GAP = 0.1  #: longest gap between messages that counts towards SETTLING_TIME [s]
 
 
-class Delay(NamedTuple):
-    """Measured delay of one message."""
-
-    held_back: float  #: delay in excess of the smallest delay in WINDOW, >= 0 [s]
-    settled: bool     #: False if the message may have been held back for an unknown time
-
-
 class DelayEstimator:
-    """Estimates the delay of each message from one sender. All times are arguments, so the estimator reads no clock.
+    """Estimates how long each message from one sender was held back. All times are arguments, so no clock is read.
 
-    The estimate is unsettled for SETTLING_TIME after the sender restarts, after its clock is set forward, or after its
+    The estimate is unknown for SETTLING_TIME after the sender restarts, after its clock is set forward, or after its
     clock is set back by more than the message period. If the clock is set back by less, or during a pause of the same
     length, messages appear older by the size of the step for at most WINDOW.
 
@@ -62,9 +55,9 @@ class DelayEstimator:
     --------
     >>> estimator = DelayEstimator()
     >>> for i in range(50):
-    ...     delay = estimator.update(arrival=100 + 0.02 * i, sent=1.7e9 + 0.02 * i)
-    >>> delay.settled, round(estimator.update(arrival=106.0, sent=1.7e9 + 1.0).held_back, 3)
-    (True, 5.0)
+    ...     held_back = estimator.update(arrival=100 + 0.02 * i, sent=1.7e9 + 0.02 * i)
+    >>> round(held_back, 3), round(estimator.update(arrival=106.0, sent=1.7e9 + 1.0), 3)
+    (0.0, 5.0)
     """
 
     def __init__(self) -> None:
@@ -78,8 +71,10 @@ class DelayEstimator:
         self._reference = inf  # value with which the next smallest difference is compared
         self._covered = 0.0  # time covered by messages since the last decrease that restarted settling
 
-    def update(self, arrival: float, sent: float) -> Delay:
-        """Process one message and return its delay.
+    def update(self, arrival: float, sent: float) -> float:
+        """Process one message, and return its delay in excess of the smallest delay in WINDOW [s].
+
+        The result is inf while the message may have been held back for an unknown time.
 
         Parameters
         ----------
@@ -97,7 +92,7 @@ class DelayEstimator:
         self._sent = sent
         difference = arrival - sent
         self._follow(self._least_with(arrival, difference), gap)
-        return Delay(difference - self._least[0][1], self._covered >= SETTLING_TIME)
+        return difference - self._least[0][1] if self._covered >= SETTLING_TIME else inf
 
     def _least_with(self, arrival: float, difference: float) -> float:
         """Add ``difference`` to the window and return the smallest difference in it."""
@@ -160,8 +155,7 @@ class MeasurementTime:
     def _first_sent(self, stamp: float, arrival: float) -> float:
         if self._delays is None:
             return arrival
-        delay = self._delays.update(arrival, stamp)
-        return arrival - delay.held_back if delay.settled else -math.inf
+        return arrival - self._delays.update(arrival, stamp)
 
 
 def use_stamps(node: Node, settings: NodeSettings) -> bool:
@@ -217,8 +211,8 @@ class InputAge:
         age = age_seconds(message.age)
         if self._lossless or not math.isfinite(age):
             return Arrival(now, age)
-        delay = self._delays.update(now, seconds(message.header.stamp) + age)
-        return Arrival(now, age + delay.held_back if delay.settled else math.inf)
+        held_back = self._delays.update(now, seconds(message.header.stamp) + age)
+        return Arrival(now, age + held_back)
 
 
 def age_message(age: float) -> Duration:

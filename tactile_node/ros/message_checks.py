@@ -18,8 +18,8 @@ from tactile_node.contact.pattern import MOST_LABELS
 from tactile_node.ros.motion_messages import check_motion
 from tactile_node.ros.shape_messages import NAME_OF_NUMBER
 from tactile_node.shape.recognition import UnknownReason
-from tactile_node.skin.taxel_array import RejectReason as RejectReason
 from tactile_node.skin.taxel_array import (
+    RejectReason,
     check_codes,
     check_duration,
     check_finite,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from tactile_node.ros.message_checks import RejectReason
+from tactile_node.skin.taxel_array import RejectReason
 
 OLD = 1.0  #: age above which arriving data counts as held back [s]
 LONGEST_WAY = 0.5  #: longest usual delay of a message [s]. Stamps that are further behind come from another clock.
@@ -39,8 +39,8 @@ class MessageCounts(NamedTuple):
     received: int
     processed: int
     dropped: Mapping[RejectReason, int]  #: number of dropped messages for each reason that has occurred
-    skipped: int = 0  #: number of frames missing between the received frames
-    overtaken: int = 0  #: number of usable messages that a newer message replaced before the node processed them
+    skipped: int = 0  #: number of lost frames, which are missing between the received frames
+    overtaken: int = 0  #: number of usable messages that the node did not process, because a newer one was waiting
 
 
 def total(counts: Iterable[MessageCounts]) -> MessageCounts:

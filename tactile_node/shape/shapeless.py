@@ -76,7 +76,7 @@ SMALL = 16
 #: Lowest pressure in the rim of a small contact, as a share of the contact's mean.
 PARTIAL = 0.25
 #: Smallest negative logarithm of the probability that all taxels of a compact contact are pressed by chance.
-SURE = 15.0
+BEYOND_CHANCE = 15.0
 
 
 def is_shapeless(pattern: ContactPattern) -> bool:
@@ -118,7 +118,8 @@ def _is_chance(pattern: ContactPattern, together: np.ndarray) -> bool:
     places = max(np.log(pattern.mask.size / PLACES) / np.log(PLACES), 0.0)
     if density < DENSEST and taxels >= np.interp(density, DENSITIES, GROUPS) * (1 + MORE_PLACES * places):
         return False
-    return bool(taxels < SURE / -np.log(density) or compactness < max(LEAST_COMPACTNESS, 1 - LOOSE / taxels ** 0.5))
+    is_loose = compactness < max(LEAST_COMPACTNESS, 1 - LOOSE / taxels ** 0.5)
+    return bool(is_loose or taxels < BEYOND_CHANCE / -np.log(density))
 
 
 def _wider(pattern: ContactPattern) -> ContactPattern:

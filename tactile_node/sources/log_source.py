@@ -136,9 +136,9 @@ class LogSource:
         self.stop()
         self._messages = None
 
-    def age(self, stamp: float) -> float:
-        """Return the time since ``stamp`` was played [s], or a lower bound for stamps played long ago."""
-        return self._played.age(stamp)
+    def acquired(self, stamp: float) -> float:
+        """Return the time when ``stamp`` was played [s], or an upper bound for stamps played long ago."""
+        return self._played.time_of(stamp)
 
     def auto_zero(self, pad: str) -> int:
         raise DeviceError(f'pad {pad!r}', expected='a device that zeroes itself', got=f'the log {self._path}',
@@ -150,7 +150,7 @@ class LogSource:
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
         """Set ``drop_incomplete``. The timeout is ignored, because the heartbeats in a log are not supervised."""
-        self._router.drop_incomplete(drop_incomplete)
+        self._router.withhold_incomplete(drop_incomplete)
 
     def facts(self) -> BusFacts:
         """Return the facts about the log. A log has no nodes, so it can only fail as a whole."""

@@ -76,7 +76,7 @@ class Supervisor:
         self._by_pad = {pad.name: [SupervisedNode(self._bus, NodeMonitor(node, self.bus_monitor, *timeouts), recover)
                                    for node in pad.nodes] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
-        self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.traffic.put, data_timeout=timeouts[1])
+        self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.traffic.post, data_timeout=timeouts[1])
         self._outages: Outages[Failure] = Outages()  # outages of the bus
         self._retries = Retries()  # attempts to reopen the bus
         self._throttle = LogThrottle()
@@ -144,8 +144,8 @@ class Supervisor:
             thread.join()
         self._bus.close()
 
-    def age(self, stamp: float) -> float:
-        return self._bus.traffic.clock.age(stamp)
+    def acquired(self, stamp: float) -> float:
+        return self._bus.traffic.clock.acquired(stamp)
 
     def auto_zero(self, pad: str) -> int:
         return self._bus.devices.auto_zero(pad)
@@ -154,7 +154,7 @@ class Supervisor:
         return sum(node.monitor.boots for node in self._by_pad[pad])
 
     def adjust(self, drop_incomplete: bool, heartbeat_timeout: float) -> None:
-        self._bus.drop_incomplete(drop_incomplete)
+        self._bus.withhold_incomplete(drop_incomplete)
         timeouts = self._timeouts(heartbeat_timeout)
         self._watch.overload.limit = timeouts[1] / 2
         for node in self._nodes:
@@ -267,7 +267,7 @@ class Supervisor:
             node.monitor.expect(time.monotonic())
 
     def _deliver_trusted(self, name: str, frame: TaxelFrame) -> None:
-        acquired = time.monotonic() - self.age(frame.stamp)
+        acquired = self.acquired(frame.stamp)
         for node in self._by_pad[name]:
             frame = node.monitor.only_trusted(frame, acquired)
         self._on_frame(name, frame)
