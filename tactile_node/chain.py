@@ -25,15 +25,16 @@ class Step(IntEnum):
 
     FIND = 0       #: find the contacts in a taxel frame
     RECOGNISE = 1  #: recognise the shape of a contact
-    SHOW = 2       #: publish what only viewers need
+    COMBINE = 2    #: publish a result that combines several pads
+    SHOW = 3       #: publish what only viewers need
 
 
 class Chain:
     """A thread that runs posted calls in order, and postponed steps while no posted call is waiting.
 
     The chain works in turns. In each turn, it runs the posted calls that are waiting, then every FIND, and then the
-    RECOGNISE or SHOW with the oldest taxels. A slow machine therefore assembles every frame, and a flood of frames
-    cannot stop the recognition.
+    RECOGNISE, COMBINE or SHOW with the oldest taxels. A slow machine therefore assembles every frame, and a flood of
+    frames cannot stop the recognition.
 
     A call that raises an exception is logged with its traceback. The chain then continues with the next call.
 
@@ -61,7 +62,8 @@ class Chain:
         self._name = name
         self._calls: SimpleQueue[Call | None] = SimpleQueue()
         # heap of the order of the calls: every FIND first, then the oldest taxels, then the earlier step, then the call
-        # that was postponed first; only the chain thread uses it. The taxels of a SHOW count as newer by SAME_SYNC.
+        # that was postponed first; only the chain thread uses it. The taxels of a COMBINE or a SHOW count as newer by
+        # SAME_SYNC.
         self._postponed: list[tuple[bool, float, Step, int, Call]] = []
         self._number = itertools.count()
         self._thread: threading.Thread | None = None
@@ -99,8 +101,8 @@ class Chain:
     def postpone(self, step: Step, acquired: float, call: Callable[..., object], *args: object) -> None:
         """Run a call in a later step of the turn. Only the chain thread may postpone.
 
-        The calls for the oldest taxels run first. The shapes of all pads for one SYNC therefore come before the SHOW of
-        these pads, and the SHOW comes before the shapes for the next SYNC.
+        The calls for the oldest taxels run first. The shapes of all pads for one SYNC therefore come before the COMBINE
+        and the SHOW of these pads, which come before the shapes for the next SYNC.
 
         Parameters
         ----------
@@ -113,7 +115,7 @@ class Chain:
         *args
             Its arguments.
         """
-        due = acquired + SAME_SYNC if step is Step.SHOW else acquired
+        due = acquired + SAME_SYNC if step in (Step.COMBINE, Step.SHOW) else acquired
         heapq.heappush(self._postponed, (step is not Step.FIND, due, step, next(self._number), (call, args)))
 
     def wait_until_idle(self, timeout: float, *, with_postponed: bool = True) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from tactile_node.chain import Step
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import Opening
 from tactile_node.grasp.steadiness import SteadinessSettings
@@ -36,7 +37,10 @@ SILENCE_PERIOD = 0.02  #: Time between two checks whether a pad is silent [s].
 
 
 class GraspNode(StageNode):
-    """Publishes `grasp` and `grasp_sides` for every usable message on `<pad>/shape` from its two pads.
+    """Publishes `grasp` and `grasp_sides` for the usable messages on `<pad>/shape` from its two pads.
+
+    If shapes of both pads have been waiting, the node publishes one grasp for both. In a lossless replay, the node
+    publishes a grasp for every shape.
 
     When a pad stops publishing shapes, the node publishes both topics once more, so that the last grasp does not look
     current. A client uses the action `~/wait_for_grasp` or the service `~/check_grasp` to find out whether the grasp
@@ -79,6 +83,7 @@ class GraspNode(StageNode):
         self._opening = make_opening_source(self, settings, gripper.closing, steady)
         publish_pad_frames(self, settings, gripper, self._opening)
         self._latest = {side: PadShape(ContactShape()) for side in SIDES}
+        self._is_published = True  # False while a shape waits to be published in a grasp
         self._stamp = 0.0  # latest stamp, which serves as the clock of a lossless replay [s]
         qos, lossless = settings.qos, settings.lossless
         self._grasps = OnDemandPublisher(self, Grasp, 'grasp', qos, lossless=lossless)
@@ -95,7 +100,7 @@ class GraspNode(StageNode):
         self.tick(SILENCE_PERIOD, self._look_for_silence)
 
     def accept(self, side: str, shape: PadShape, acquired: float) -> None:
-        """Update the grasp with a new shape from one pad, and publish the grasp.
+        """Update the grasp with a new shape from one pad, and publish the grasp after the waiting shapes.
 
         Parameters
         ----------
@@ -108,15 +113,25 @@ class GraspNode(StageNode):
         """
         stamp = seconds(shape.header.stamp)
         result = side_result(shape.message, stamp if self._settings.lossless else acquired)
-        opening = self._opening.current()
         with self._lock:
             self._acquired[side] = acquired
             self._received = self._steady()
             self._latest[side] = shape
             self._stamp = max(stamp, self._stamp) if self._stamp - stamp < ANOTHER_LOG else stamp
-            self._publish(self._tracker.update(side, result, self._now(), opening.gap), opening)
+            self._tracker.update(side, result, self._now())
+            self._is_published = False
             if not self._settings.lossless:
                 self._silent_at[side] = self._steady() + self._tracker.silence_limit(side)
+        if self._settings.lossless:
+            self._publish_update()
+        else:
+            self._shapes[side].postpone(self._publish_update, acquired, Step.COMBINE)
+
+    def _publish_update(self) -> None:
+        """Publish the grasp unless it has been published since the latest shape."""
+        with self._lock:
+            if not self._is_published:
+                self._publish_at(self._now())
 
     def _now(self) -> float:
         """Return the current time [s]: the latest stamp in a lossless replay, otherwise the steady clock."""
@@ -130,29 +145,28 @@ class GraspNode(StageNode):
             for side in silent:
                 self._silent_at[side] = now + self._tracker.silence_limit(side)
             if silent:
-                self._publish_without_result(self._now())
+                self._publish_at(self._now())
 
     def destroy_node(self) -> None:
         """Publish a grasp without results before the node ends, because the last grasp would otherwise look valid."""
         self.end_stage()
         if self.context.ok() and self._received > -math.inf:
-            self._publish_without_result(math.inf)
+            self._publish_at(math.inf)
         if self._requests is not None:
             self._requests.destroy()
         super().destroy_node()
 
-    def _publish_without_result(self, now: float) -> None:
+    def _publish_at(self, now: float) -> None:
         """Compute the grasp at the time ``now`` [s] from the shapes received so far, and publish it."""
         opening = self._opening.current()
         with self._lock:
-            self._publish(self._tracker.state(now, opening.gap), opening)
-
-    def _publish(self, state: GraspState, opening: Opening) -> None:
-        self._grasps.publish(lambda: self._message(state, opening, self._sides))
-        self._grasp_sides.publish(lambda: sides_message(
-            state, [self._latest[side].complete_message for side in SIDES], self._settings.frame, self._ages()))
-        if self._requests is not None:
-            self._requests.wake()
+            self._is_published = True
+            state = self._tracker.state(now, opening.gap)
+            self._grasps.publish(lambda: self._message(state, opening, self._sides))
+            self._grasp_sides.publish(lambda: sides_message(
+                state, [self._latest[side].complete_message for side in SIDES], self._settings.frame, self._ages()))
+            if self._requests is not None:
+                self._requests.wake()
 
     def _current(self) -> CurrentGrasp:
         """Return the current grasp from the shapes received so far.

@@ -157,9 +157,9 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._is_fed = False
         self._own.clear()
 
-    def postpone(self, publish: Callable[[], None], acquired: float) -> None:
-        """Publish what only viewers need of a result, when this no longer delays a shape."""
-        self._stages.chain.postpone(Step.SHOW, acquired, self.attempt, publish)
+    def postpone(self, publish: Callable[[], None], acquired: float, step: Step = Step.SHOW) -> None:
+        """Publish something in a later step of the chain, when this no longer delays a shape."""
+        self._stages.chain.postpone(step, acquired, self.attempt, publish)
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
