@@ -30,7 +30,7 @@ DEFAULT_FUSION = FusionSettings()
 #: Longest time for which a recognition is reused for frames with the same pressed taxels [s]. With simulated contacts
 #: (validation seeds) and a noise of 2 or 5 % of the largest value, the fused shapes after 3, 6 and 12 frames at 50 Hz
 #: were as often right and as often sure as without reuse.
-REUSE_TIME = 0.1
+REUSE_TIME = 0.08
 
 
 class Curve(Protocol):

@@ -38,7 +38,7 @@ class FusionSettings:
         Raised if a value is out of range.
     """
 
-    memory: float = 0.15   #: time constant with which the weight of a frame falls [s]
+    memory: float = 0.1    #: time constant with which the weight of a frame falls [s]
     floor: float = 0.001   #: smallest probability that a frame can give to a class
     switch: float = 0.4    #: lead that another class needs before it is reported instead [log-odds]
     max_gap: float = 0.5   #: silence after which the fusion starts again [s]

@@ -132,6 +132,8 @@ def _widths(support: np.ndarray, total: np.ndarray) -> np.ndarray:
 
 def _hull_moments(support: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Return the covered share of the hull and the moments of the filled hull, whose rim is softened over one cell."""
+    reach = support.max() + 0.5
+    y, x = (places[:, np.abs(places).min(0) < reach] for places in (y, x))  # all other cells lie outside every hull
     towards = support[:, :, None, None] + 0.5 - DIRECTION_VECTORS[0, :, None, None] * y[:, None, :, None]
     depth = (towards - DIRECTION_VECTORS[1, :, None, None] * x[:, None, None, :]).min(1)
     filled = np.minimum(np.maximum(depth, 0), 1)
