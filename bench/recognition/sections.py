@@ -156,8 +156,8 @@ def recordings(run: Run) -> list[Table]:
 
 SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
-    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'blind-spots': spots, 'speed': speed,
-    'field': field}
+    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'blind-spots': spots,
+    'speed': speed, 'field': field}
 WITHOUT_ANCHORS = frozenset({'nothing', 'several', 'halo', 'held'})
 AGAINST_ANCHORS = frozenset({'blind-spots', 'speed'})  #: Sections that only compare our method with the anchors.
 ALONE = frozenset({'speed'})
