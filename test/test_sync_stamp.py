@@ -162,7 +162,7 @@ def test_a_write_that_does_not_return_holds_up_nothing_else(tmp_path):
         sender.start()
         assert answered.wait(60)
         done = threading.Event()
-        held.traffic.post(done.set)
+        held.traffic.chain.post(done.set)
         assert done.wait(30), 'the assembler must not wait for the write'
         released.set()
         sender.join()

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from math import inf
 from queue import Empty, SimpleQueue
 
@@ -58,7 +58,8 @@ class Traffic:
         self._on_failure = on_failure
         self._polled = polled
         self._queue_limit = queue_limit
-        self._chain = chain or Chain('assembler')
+        #: chain that assembles the frames; a posted call runs after all messages received so far
+        self.chain = chain or Chain('assembler')
         self._owns_chain = chain is None
         self.clock = StampClock(is_host_stamped)
         self._jumps_reported = 0
@@ -80,34 +81,20 @@ class Traffic:
         self._is_gap = True
         if self._owns_chain:
             self._posted = self._fed = 0
-            self._chain.start()
+            self.chain.start()
 
     def end(self, timeout: float) -> None:
         """Wait up to ``timeout`` [s] until the chain has run all calls posted so far."""
         if self._owns_chain:
-            self._chain.stop(timeout)
+            self.chain.stop(timeout)
         else:
-            self._chain.wait_until_idle(timeout)
+            self.chain.wait_until_idle(timeout)
 
     def restart(self) -> None:
         """Start the sequence numbers at 0, and let the stamps follow the wall clock."""
         self.clock.restart()
         self.pause.restart()
-        self.post(self._router.restart)
-
-    def post(self, call: Callable[..., object], *args: object) -> None:
-        """Post a call to the chain, behind all messages received so far.
-
-        Any thread may call ``post``. The method returns immediately.
-
-        Parameters
-        ----------
-        call : callable
-            Function to call.
-        *args
-            Its arguments.
-        """
-        self._chain.post(call, *args)
+        self.chain.post(self._router.restart)
 
     def received(self, batch: Batch) -> None:
         """Count, stamp and post a batch.
@@ -131,7 +118,7 @@ class Traffic:
                 frames.append((NO_DATA, b'', came))
         if self._posted - self._fed + len(frames) <= self._queue_limit:
             self._posted += len(frames)
-            self.post(self._feed, frames, self._came(batch), self._most_free(batch, is_gap))
+            self.chain.post(self._feed, frames, self._came(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
             self.overruns += sum(can_id != NO_DATA for can_id, _, _ in frames)
@@ -187,7 +174,7 @@ class Traffic:
         """Count a frame that this driver is about to send, and queue it if it is an SDO request to a polled node."""
         self._monitor.feed_own(len(data))
         if can_id - SDO_REQUEST in self._polled:
-            self.post(self._router.feed, can_id, bytes(data), self.clock.now())
+            self.chain.post(self._router.feed, can_id, bytes(data), self.clock.now())
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
         """Send a SYNC, unless the driver must skip it so that the bus becomes free (`SyncPause`).
@@ -213,7 +200,7 @@ class Traffic:
 
         def announce() -> float:
             stamp = self.clock.now()
-            self.post(self._begin_period, stamp, written)
+            self.chain.post(self._begin_period, stamp, written)
             return stamp - self.clock.ahead
         self.syncs_sent += 1
         try:
