@@ -109,18 +109,18 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
         before = time.monotonic()
         os.write(adapter, b't1A02AABB\rt1A02')
         select.select([bus], [], [], 60)  # a kernel thread passes the bytes through the pseudo-terminal
-        after, until = (batch := bus.recv_all(60)).came
+        after, until = (batch := bus.recv_all(60)).arrival
         assert after < before < until and len(batch.messages) == 1
         os.write(adapter, b'CCDD\r')  # The first part of this line was sent before the last read.
         select.select([bus], [], [], 60)
         second = bus.recv_all(60)
-        assert second.came[0] < until and bytes(second.messages[0].data) == b'\xCC\xDD'
+        assert second.arrival[0] < until and bytes(second.messages[0].data) == b'\xCC\xDD'
         asked = time.monotonic()
         assert not bus.recv_all(0.1).messages
         os.write(adapter, b't1A01EE\r')
         idle = bus.recv_all(60)
         # A read at that time proves that no message was waiting. The length of the wait would prove nothing.
-        assert idle.came[0] > asked
+        assert idle.arrival[0] > asked
         bus.shutdown()
 
 

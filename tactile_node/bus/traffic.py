@@ -72,7 +72,7 @@ class Traffic:
         self.overruns = 0
         self.syncs_sent = 0
         self.pause = SyncPause(sync_period)
-        self._last_came = -inf  # stamp before which all messages so far had arrived
+        self._last_arrival = -inf  # stamp before which all messages so far had arrived
         self._is_gap = True  # True if messages before the next batch may be missing
         self._read_at = 0.0  # time at which the last batch was read, on the steady clock
 
@@ -114,24 +114,24 @@ class Traffic:
             else:
                 self._count_other(kind, message)
                 # the bus may have more errors than the controller reports
-                came = inf if message.is_error_frame else self.clock.of(message.timestamp)
-                frames.append((NO_DATA, b'', came))
+                stamp = inf if message.is_error_frame else self.clock.of(message.timestamp)
+                frames.append((NO_DATA, b'', stamp))
         if self._posted - self._fed + len(frames) <= self._queue_limit:
             self._posted += len(frames)
-            self.chain.post(self._feed, frames, self._came(batch), self._most_free(batch, is_gap))
+            self.chain.post(self._feed, frames, self._arrival(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
             self.overruns += sum(can_id != NO_DATA for can_id, _, _ in frames)
 
-    def _came(self, batch: Batch) -> tuple[float, float] | None:
+    def _arrival(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
 
         Return None if each frame's stamp is its time of arrival.
         """
-        if batch.came is None:
+        if batch.arrival is None:
             return None
         lead = self.clock.now() - time.monotonic()
-        after, until = batch.came
+        after, until = batch.arrival
         return after + lead, until + lead
 
     def _most_free(self, batch: Batch, is_gap: bool) -> float:
@@ -139,11 +139,12 @@ class Traffic:
 
         The bound is 0 if frames before this batch may be missing (``is_gap``).
         """
-        after, read = batch.came or (time.monotonic(),) * 2
+        after, read = batch.arrival or (time.monotonic(),) * 2
         before, self._read_at = self._read_at, read
         return 0.0 if is_gap else max(0.0, after - before)
 
-    def _feed(self, frames: list[tuple[int, bytes, float]], came: tuple[float, float] | None, most_free: float) -> None:
+    def _feed(self, frames: list[tuple[int, bytes, float]], arrival: tuple[float, float] | None,
+              most_free: float) -> None:
         """Feed a batch to the router, on the chain thread.
 
         If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
@@ -153,9 +154,10 @@ class Traffic:
             if stamp == inf:
                 self._router.free_bus.saw_other(inf, inf)
                 continue
-            after, until = came or (stamp, stamp)
-            self._router.free_bus.saw_other(after, max(0.0, after - self._last_came - most_free))
-            self._last_came = until
+            after, until = arrival or (stamp, stamp)
+            not_free = max(0.0, after - self._last_arrival - most_free)
+            self._router.free_bus.saw_other(after, not_free)
+            self._last_arrival = until
             if can_id == NO_DATA:
                 self._router.free_bus.saw_other(stamp)
             else:
