@@ -108,7 +108,7 @@ def patient(monkeypatch):
 
     The duration of a write then depends only on the clocks of the test, not on the load of the machine.
     """
-    monkeypatch.setattr(traffic, 'LONGEST_WRITE', 60)
+    monkeypatch.setattr(traffic, 'MOST_LATE', 60)
 
 
 @pytest.mark.parametrize('stall', [STALL, 0.03])

@@ -11,6 +11,7 @@ import can
 
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router, non_data_kind
+from tactile_node.assembly.sync_assembler import MOST_LATE
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import Batch, BusNetwork, OnFailure
 from tactile_node.bus.stamp_clock import StampClock
@@ -20,8 +21,6 @@ from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
 
 logger = logging.getLogger(__name__)
-
-LONGEST_WRITE = 0.1  #: Longest time the chain waits until a SYNC has been written [s].
 
 #: Placeholder COB-ID in the queue for a message that is not a data frame with an 11-bit identifier. Such a message only
 #: occupies the bus. An error frame also has the placeholder stamp inf, because no time before it counts as free.
@@ -216,10 +215,11 @@ class Traffic:
         """Begin a period, on the chain thread.
 
         The thread first waits until the SYNC has been written, because answers must not be used before the delay of the
-        SYNC is known.
+        SYNC is known. The answers to a SYNC that takes longer than MOST_LATE are not used, so the thread waits no
+        longer.
         """
         try:
-            late = written.get(timeout=LONGEST_WRITE) - stamp
+            late = written.get(timeout=MOST_LATE) - stamp
         except Empty:
             late = inf
         self._router.sync(stamp, late)
