@@ -103,24 +103,24 @@ class Traffic:
         is_gap = self._is_gap or batch.dropped > 0
         self._is_gap = True  # there is a gap, unless this batch gets into the queue
         self.overruns += batch.dropped
-        frames = []
+        can_frames = []
         for message in batch.messages:
             kind = non_data_kind(message)
             if kind is None:
                 can_id, data = message.arbitration_id, bytes(message.data)
                 self._monitor.feed(can_id, data)
-                frames.append((can_id, data, self.clock.of(message.timestamp)))
+                can_frames.append((can_id, data, self.clock.of(message.timestamp)))
             else:
                 self._count_other(kind, message)
                 # the bus may have more errors than the controller reports
                 stamp = inf if message.is_error_frame else self.clock.of(message.timestamp)
-                frames.append((NO_DATA, b'', stamp))
-        if self._posted - self._fed + len(frames) <= self._queue_limit:
-            self._posted += len(frames)
-            self.chain.post(self._feed, frames, self._arrival(batch), self._most_free(batch, is_gap))
+                can_frames.append((NO_DATA, b'', stamp))
+        if self._posted - self._fed + len(can_frames) <= self._queue_limit:
+            self._posted += len(can_frames)
+            self.chain.post(self._feed, can_frames, self._arrival(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
-            self.overruns += sum(can_id != NO_DATA for can_id, _, _ in frames)
+            self.overruns += sum(can_id != NO_DATA for can_id, _, _ in can_frames)
 
     def _arrival(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
@@ -142,14 +142,14 @@ class Traffic:
         before, self._read_at = self._read_at, read
         return 0.0 if is_gap else max(0.0, after - before)
 
-    def _feed(self, frames: list[tuple[int, bytes, float]], arrival: tuple[float, float] | None,
+    def _feed(self, can_frames: list[tuple[int, bytes, float]], arrival: tuple[float, float] | None,
               most_free: float) -> None:
         """Feed a batch to the router, on the chain thread.
 
         If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
         """
-        self._fed += len(frames)
-        for can_id, data, stamp in frames:
+        self._fed += len(can_frames)
+        for can_id, data, stamp in can_frames:
             if stamp == inf:
                 self._router.free_bus.saw_other(inf, inf)
                 continue
