@@ -39,7 +39,7 @@ class DomainAssembler(PadAssembler):
         self._stamp: float | None = None  # stamp at which the present period began
         self.restart()
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> TaxelFrames:
+    def feed(self, can_id: int, data: bytes, stamp: float) -> TaxelFrames:
         if can_id == self._response_id:
             return self._take(self._upload.response(data))
         step = self._upload.request(data)
@@ -47,7 +47,7 @@ class DomainAssembler(PadAssembler):
             return self._take(step)
         frames = self.end_period()
         self._sequence += 1
-        self._stamp = timestamp
+        self._stamp = stamp
         return frames
 
     def end_period(self) -> TaxelFrames:

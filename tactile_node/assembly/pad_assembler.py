@@ -82,11 +82,11 @@ class PadAssembler:
     def settle(self) -> None:
         """Record that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
 
-    def sync(self, timestamp: float, late: float = 0.0) -> TaxelFrames:
-        """Process a SYNC that was sent at most ``late`` [s] after its timestamp, and return the finished frames."""
+    def sync(self, stamp: float, late: float = 0.0) -> TaxelFrames:
+        """Process a SYNC that was sent at most ``late`` [s] after its stamp, and return the finished frames."""
         return ()
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> TaxelFrames:
+    def feed(self, can_id: int, data: bytes, stamp: float) -> TaxelFrames:
         """Process a CAN frame of this pad.
 
         Parameters
@@ -95,7 +95,7 @@ class PadAssembler:
             COB-ID of the frame.
         data : bytes
             Data of the frame.
-        timestamp : float
+        stamp : float
             Stamp of the frame [s].
 
         Returns
@@ -112,7 +112,7 @@ class PadAssembler:
         if mapped < len(data) <= MAX_PDO_BYTES:
             self._note_padded(SentTpdo(self._numbers[rank], can_id), len(data), mapped)
             data = data[:mapped]
-        return self._feed_tpdo(rank, data, timestamp)
+        return self._feed_tpdo(rank, data, stamp)
 
     def end_period(self) -> TaxelFrames:
         """End the present period at the end of a log, and return the taxel frames that were not emitted yet."""
@@ -127,7 +127,7 @@ class PadAssembler:
             tpdos_padded=self._padded, tpdos_used=used, tpdos_pending=pending, losses=dict(self._losses),
             used_by_node=tuple(self._used.tolist()))
 
-    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> TaxelFrames:
+    def _feed_tpdo(self, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         raise NotImplementedError
 
     def _forget(self) -> None:

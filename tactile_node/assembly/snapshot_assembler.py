@@ -76,15 +76,15 @@ class SnapshotAssembler(PadAssembler):
         self._forget()
         return frames
 
-    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> TaxelFrames:
+    def _feed_tpdo(self, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         if wrong := self._wrong_length(rank, data):
             return self._lose(wrong)
-        frames = self._forget_invalid(timestamp)
-        if self._is_duplicate(rank, data, timestamp):
+        frames = self._forget_invalid(stamp)
+        if self._is_duplicate(rank, data, stamp):
             return frames + self._lose(LossReason.DUPLICATE)
-        if self._is_new[rank] or timestamp - self._first_new > SNAPSHOT_WAIT:
+        if self._is_new[rank] or stamp - self._first_new > SNAPSHOT_WAIT:
             frames += self._give_new()
-        self._take(rank, data, timestamp)
+        self._take(rank, data, stamp)
         if (self._is_new | self._is_too_old()).all():
             frames += self._give_new()
         return frames

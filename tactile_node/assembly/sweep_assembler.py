@@ -78,14 +78,14 @@ class SweepAssembler(PadAssembler):
         frames, self._first = self._end(), None
         return frames
 
-    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> TaxelFrames:
-        is_within = self._is_within(timestamp)
+    def _feed_tpdo(self, rank: int, data: bytes, stamp: float) -> TaxelFrames:
+        is_within = self._is_within(stamp)
         if is_within and (rank, data) == self._last:
             return self._lose(LossReason.DUPLICATE)
         frames: TaxelFrames = ()
         if not is_within or rank <= self._last[0]:
             frames = self._end()
-            self._begin(timestamp)
+            self._begin(stamp)
         self._last = rank, data
         if wrong := self._wrong_length(rank, data):
             self._lose(wrong)

@@ -188,12 +188,12 @@ class SyncAssembler(PadAssembler):
         for node in self._nodes.values():
             node.settle()
 
-    def sync(self, timestamp: float, late: float = 0.0) -> TaxelFrames:
+    def sync(self, stamp: float, late: float = 0.0) -> TaxelFrames:
         """End the period and begin the next one, because a SYNC was sent on the bus.
 
         Parameters
         ----------
-        timestamp : float
+        stamp : float
             Stamp of the SYNC [s].
         late : float
             Largest delay of the SYNC after its stamp [s].
@@ -206,7 +206,7 @@ class SyncAssembler(PadAssembler):
         frames = self._end_sweep()
         self._sequence += 1
         self._syncs += 1
-        self._sweep = Sweep(self._sequence, timestamp, len(self._names), is_discarded=late > MOST_LATE)
+        self._sweep = Sweep(self._sequence, stamp, len(self._names), is_discarded=late > MOST_LATE)
         return frames
 
     def end_period(self) -> TaxelFrames:
@@ -230,12 +230,12 @@ class SyncAssembler(PadAssembler):
             return None
         return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in ranks) for ranks in (sent, node.ranks)))
 
-    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> TaxelFrames:
+    def _feed_tpdo(self, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         sweep, node = self._sweep, self._nodes_by_rank[rank]
         if sweep is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
-        if self._one_clock and timestamp < sweep.stamp:
-            return self._feed_earlier(node, rank, data, timestamp)
+        if self._one_clock and stamp < sweep.stamp:
+            return self._feed_earlier(node, rank, data, stamp)
         if node.received and node.repeats(rank, data):
             return self._lose(LossReason.DUPLICATE)
         self._distinct[rank] += 1
@@ -253,7 +253,7 @@ class SyncAssembler(PadAssembler):
             sweep.tpdos[rank] = data
         return frames if sweep.missing else frames + self._emit(sweep)
 
-    def _feed_earlier(self, node: SweepSender, rank: int, data: bytes, timestamp: float) -> TaxelFrames:
+    def _feed_earlier(self, node: SweepSender, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         """Process a TPDO that was on the bus before the last SYNC."""
         if node.owes_tail and node.repeats(rank, data):
             return self._lose(LossReason.DUPLICATE)
@@ -265,7 +265,7 @@ class SyncAssembler(PadAssembler):
         node.note_earlier(rank, data)
         if before is None:
             return self._lose(LossReason.LATE)
-        if not is_tail or timestamp < before.stamp:
+        if not is_tail or stamp < before.stamp:
             self._lose(LossReason.LATE, before.discard() + 1)
         elif (wrong := self._wrong_length(rank, data)) is not None:
             self._lose(wrong)
