@@ -31,13 +31,15 @@ from tactile_node.shape.fusion import RecognitionFusion
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.shape.recogniser import ShapeRecogniser
 from tactile_node.shape.recognition import LEARNED, METHOD_FILES, Recognition, Shape
+from tactile_node.shape.support import SURE
 from tactile_node.simulator.figures import Skin, pressure_frame
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.field import NOMINAL_ON_OFF, Conditions, field_frame
 from training.ground_truth.seeds import Purpose, generator
 
 PRESSURE = Conditions(tilt=0.2, blur=0.5, noise=0.01)
-AREAS, TPDO, SURE = (12, 100), 8, 0.9
+AREAS = (12, 100)
+TPDO = 8
 PAD, PAD_TPDOS, LOST_AREAS, LOST_CONTACTS, LOST_SEED = 16, 32, (40, 100), 500, 34_000
 LITTLE = 0.15  #: Upper limit for few hidden taxels, as a share of the contact and the taxels around it.
 LITTLE_CONTACTS = 2000

@@ -16,7 +16,7 @@ import numpy as np
 from captured_log import CapturedLog
 
 from tactile_node.assembly.facts import LossReason
-from tactile_node.assembly.pad_assembler import Frames, PadAssembler
+from tactile_node.assembly.pad_assembler import PadAssembler, TaxelFrames
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.skin.layout_file import load_layout
@@ -132,7 +132,7 @@ class Loss(NamedTuple):
 
 def telling(assembler: PadAssembler, drop_incomplete: bool = False) -> PadAssembler:
     """Return the assembler, changed so that its calls return the lost CAN frames after the taxel frames."""
-    def with_losses(call: Callable[..., Frames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
+    def with_losses(call: Callable[..., TaxelFrames], *given: object) -> tuple[TaxelFrame | Loss, ...]:
         before, frames = assembler.facts().losses, taxel_frames(call(*given))
         after = assembler.facts().losses
         return (*frames, *(Loss(reason, after[reason] - before[reason]) for reason in after

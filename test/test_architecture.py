@@ -152,3 +152,12 @@ def test_every_station_of_a_can_frame_exists():
     for path, kind, method in stations:
         source = (PACKAGE / path).read_text(encoding='utf-8')
         assert f'class {kind}' in source and f'def {method}(' in source, (path, kind, method)
+
+
+def test_each_file_to_read_defines_its_classes():
+    page = (ROOT / 'docs/architecture.md').read_text(encoding='utf-8')
+    listed = re.findall(r'`([\w/]+\.py)`(?: \(([^)]*)\))?', page.partition('## Files to read')[2])
+    assert len(listed) > 30
+    for path, names in listed:
+        source = (PACKAGE / path).read_text(encoding='utf-8')
+        assert all(f'class {name}' in source for name in re.findall(r'`(\w+)`', names)), (path, names)

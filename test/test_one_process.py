@@ -35,19 +35,12 @@ from tactile_node.skin.taxel_array import RejectReason
 from tactile_node.taxel_frame import SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, ContactShapes, Grasp, GraspSides, TaxelArray
 
-pytestmark = [pytest.mark.ros, pytest.mark.bus]
+pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('ros')]
 
 TIMEOUT, PERIOD = 60.0, 0.02
 REPLAYED = 10_000 if os.environ.get('TACTILE_LONG') else 200
 PRESS = np.zeros((16, 16), np.uint8)
 PRESS[4:11, 5:12] = 120
-
-
-@pytest.fixture(autouse=True)
-def context():
-    rclpy.init()
-    yield
-    rclpy.try_shutdown()
 
 
 class Process:

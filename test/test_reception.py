@@ -83,7 +83,7 @@ def test_an_exception_of_the_assembler_is_logged_and_costs_one_call_alone(monkey
     monkeypatch.setattr(bus.traffic._router.free_bus, 'saw_other', lambda *given: 1 / 0)
     bus.received(1.0)
     done = threading.Event()
-    bus.traffic.post(done.set)
+    bus.traffic.chain.post(done.set)
     assert done.wait(60) and 'ZeroDivisionError' in caplog.text and 'Traceback' in caplog.text
     monkeypatch.setattr(bus.traffic._router.free_bus, 'saw_other', saw_other)
     assert wait_until(bus.received(2.0))
@@ -109,18 +109,18 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
         before = time.monotonic()
         os.write(adapter, b't1A02AABB\rt1A02')
         select.select([bus], [], [], 60)  # a kernel thread passes the bytes through the pseudo-terminal
-        after, until = (batch := bus.recv_all(60)).came
+        after, until = (batch := bus.recv_all(60)).arrival
         assert after < before < until and len(batch.messages) == 1
         os.write(adapter, b'CCDD\r')  # The first part of this line was sent before the last read.
         select.select([bus], [], [], 60)
         second = bus.recv_all(60)
-        assert second.came[0] < until and bytes(second.messages[0].data) == b'\xCC\xDD'
+        assert second.arrival[0] < until and bytes(second.messages[0].data) == b'\xCC\xDD'
         asked = time.monotonic()
         assert not bus.recv_all(0.1).messages
         os.write(adapter, b't1A01EE\r')
         idle = bus.recv_all(60)
         # A read at that time proves that no message was waiting. The length of the wait would prove nothing.
-        assert idle.came[0] > asked
+        assert idle.arrival[0] > asked
         bus.shutdown()
 
 
@@ -176,7 +176,7 @@ class Clocked:
 def test_a_bus_that_was_closed_or_not_read_was_not_free(monkeypatch):
     bus, held = Clocked(monkeypatch, queue_limit=2), threading.Event()
     assert wait_until(bus.received(5.0)) and wait_until(bus.received(6.0, 6.1))
-    bus.traffic.post(held.wait)
+    bus.traffic.chain.post(held.wait)
     whole = bus.received(6.2, 6.3)
     bus.received(6.4)  # The queue is full, so this message is dropped.
     held.set()
@@ -215,7 +215,7 @@ def test_the_drops_of_a_socket_are_counted_once_and_logged(caplog):
 
 def test_a_frame_without_room_in_the_queue_is_counted_once(monkeypatch):
     bus, held = Clocked(monkeypatch, queue_limit=1), threading.Event()
-    bus.traffic.post(held.wait)
+    bus.traffic.chain.post(held.wait)
     for kind in ({}, {'extended': True}, {'is_error_frame': True}, {}):
         bus.received(5.0, **kind)
     held.set()

@@ -108,7 +108,7 @@ def patient(monkeypatch):
 
     The duration of a write then depends only on the clocks of the test, not on the load of the machine.
     """
-    monkeypatch.setattr(traffic, 'LONGEST_WRITE', 60)
+    monkeypatch.setattr(traffic, 'MOST_LATE', 60)
 
 
 @pytest.mark.parametrize('stall', [STALL, 0.03])
@@ -162,7 +162,7 @@ def test_a_write_that_does_not_return_holds_up_nothing_else(tmp_path):
         sender.start()
         assert answered.wait(60)
         done = threading.Event()
-        held.traffic.post(done.set)
+        held.traffic.chain.post(done.set)
         assert done.wait(30), 'the assembler must not wait for the write'
         released.set()
         sender.join()

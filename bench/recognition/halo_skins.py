@@ -17,6 +17,7 @@ from bench.recognition.readings import after_idle, alone, stream
 from tactile_node import Recogniser
 from tactile_node.contact.neighbours import grown
 from tactile_node.contact.pattern import ContactPattern
+from tactile_node.shape.support import SURE
 from tactile_node.simulator.figures import coverage
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from training.ground_truth.seeds import Purpose
@@ -35,7 +36,6 @@ REST_SPREAD = 0.3     #: Standard deviation of the taxels' levels at rest, as a 
 NOISE = 0.006         #: Standard deviation of the noise.
 LEVEL = 0.35, 0.9     #: Range of a contact's level.
 MOST_HALO = 5.0       #: Largest halo, as a multiple of the pressure that is spread.
-SURE = 0.9            #: Confidence from which a name counts as sure.
 
 
 class HaloSkin:

@@ -10,7 +10,7 @@ frame for a failed upload.
 import numpy as np
 
 from tactile_node.assembly.facts import LossReason
-from tactile_node.assembly.pad_assembler import Frames, PadAssembler
+from tactile_node.assembly.pad_assembler import PadAssembler, TaxelFrames
 from tactile_node.cia301.objects import SDO_REQUEST, SDO_RESPONSE
 from tactile_node.cia301.sdo import SdoUpload, UploadStep
 from tactile_node.skin.layout import DomainLayout, SkinLayout
@@ -39,7 +39,7 @@ class DomainAssembler(PadAssembler):
         self._stamp: float | None = None  # stamp at which the present period began
         self.restart()
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:
+    def feed(self, can_id: int, data: bytes, stamp: float) -> TaxelFrames:
         if can_id == self._response_id:
             return self._take(self._upload.response(data))
         step = self._upload.request(data)
@@ -47,10 +47,10 @@ class DomainAssembler(PadAssembler):
             return self._take(step)
         frames = self.end_period()
         self._sequence += 1
-        self._stamp = timestamp
+        self._stamp = stamp
         return frames
 
-    def end_period(self) -> Frames:
+    def end_period(self) -> TaxelFrames:
         """End the present upload. Return a frame without values if the upload has not succeeded."""
         return self._end(bytes(self._codec.payload_bytes), is_fresh=False)
 
@@ -59,7 +59,7 @@ class DomainAssembler(PadAssembler):
             self._lose_upload(LossReason.UNFINISHED)
         self._stamp = None
 
-    def _take(self, step: UploadStep) -> Frames:
+    def _take(self, step: UploadStep) -> TaxelFrames:
         if self._stamp is None:
             return ()
         if step is UploadStep.BROKEN:
@@ -72,12 +72,12 @@ class DomainAssembler(PadAssembler):
         self._received += 1
         return self._end(data, is_fresh=True)
 
-    def _end(self, payload: bytes, is_fresh: bool) -> Frames:
+    def _end(self, payload: bytes, is_fresh: bool) -> TaxelFrames:
         if self._stamp is None:
             return ()
         stamp, self._stamp = self._stamp, None
         return self._give(stamp, self._sequence, payload, np.array([is_fresh]))
 
-    def _lose_upload(self, reason: LossReason) -> Frames:
+    def _lose_upload(self, reason: LossReason) -> TaxelFrames:
         self._received += 1
         return self._lose(reason)

@@ -18,7 +18,7 @@ from tactile_node.taxel_frame import TaxelFrame, TpdoAges
 logger = logging.getLogger(__name__)
 
 #: Taxel frames finished by a CAN frame or a SYNC, in order. The tuple is often empty.
-Frames = tuple[TaxelFrame, ...]
+TaxelFrames = tuple[TaxelFrame, ...]
 
 
 class PadAssembler:
@@ -82,11 +82,11 @@ class PadAssembler:
     def settle(self) -> None:
         """Record that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
 
-    def sync(self, timestamp: float, late: float = 0.0) -> Frames:
-        """Process a SYNC that was sent at most ``late`` [s] after its timestamp, and return the finished frames."""
+    def sync(self, stamp: float, late: float = 0.0) -> TaxelFrames:
+        """Process a SYNC that was sent at most ``late`` [s] after its stamp, and return the finished frames."""
         return ()
 
-    def feed(self, can_id: int, data: bytes, timestamp: float) -> Frames:
+    def feed(self, can_id: int, data: bytes, stamp: float) -> TaxelFrames:
         """Process a CAN frame of this pad.
 
         Parameters
@@ -95,7 +95,7 @@ class PadAssembler:
             COB-ID of the frame.
         data : bytes
             Data of the frame.
-        timestamp : float
+        stamp : float
             Stamp of the frame [s].
 
         Returns
@@ -112,9 +112,9 @@ class PadAssembler:
         if mapped < len(data) <= MAX_PDO_BYTES:
             self._note_padded(SentTpdo(self._numbers[rank], can_id), len(data), mapped)
             data = data[:mapped]
-        return self._feed_tpdo(rank, data, timestamp)
+        return self._feed_tpdo(rank, data, stamp)
 
-    def end_period(self) -> Frames:
+    def end_period(self) -> TaxelFrames:
         """End the present period at the end of a log, and return the taxel frames that were not emitted yet."""
         raise NotImplementedError
 
@@ -127,7 +127,7 @@ class PadAssembler:
             tpdos_padded=self._padded, tpdos_used=used, tpdos_pending=pending, losses=dict(self._losses),
             used_by_node=tuple(self._used.tolist()))
 
-    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
+    def _feed_tpdo(self, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         raise NotImplementedError
 
     def _forget(self) -> None:
@@ -152,7 +152,7 @@ class PadAssembler:
             return None
         return LossReason.SHORT if len(data) < wanted else LossReason.OVER_LONG
 
-    def _lose(self, reason: LossReason, can_frames: int = 1) -> Frames:
+    def _lose(self, reason: LossReason, can_frames: int = 1) -> TaxelFrames:
         """Count lost TPDOs. Return an empty tuple, because a lost TPDO completes no taxel frame."""
         self._losses[reason] += can_frames
         return ()
@@ -162,7 +162,7 @@ class PadAssembler:
         self._withheld += 1
         self._missing += missing
 
-    def _give(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray) -> Frames:
+    def _give(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray) -> TaxelFrames:
         """Emit a taxel frame from the ``fresh`` TPDOs (bool by rank), or withhold it and count these TPDOs as lost."""
         missing = int((~fresh).sum())
         if missing and self.drop_incomplete:
@@ -171,7 +171,7 @@ class PadAssembler:
         return self._give_frame(stamp, sequence, payload, fresh, fresh, missing)
 
     def _give_frame(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray, used: np.ndarray,
-                    missing: int, ages: TpdoAges | None = None) -> Frames:
+                    missing: int, ages: TpdoAges | None = None) -> TaxelFrames:
         """Emit a taxel frame in which ``missing`` TPDOs are missing.
 
         ``used`` (bool by rank) marks the TPDOs that no earlier frame contained. Only the TPDOs marked in ``used`` are

@@ -11,7 +11,7 @@ from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.free_bus import SLOW_BITRATE, FreeBus
-from tactile_node.assembly.pad_assembler import Frames, PadAssembler
+from tactile_node.assembly.pad_assembler import PadAssembler, TaxelFrames
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.assembly.sync_assembler import SyncAssembler
@@ -175,7 +175,7 @@ class Router:
         if self._foreign_sync and self.is_running:
             self.sync(stamp)
 
-    def _deliver(self, name: str, frames: Frames) -> None:
+    def _deliver(self, name: str, frames: TaxelFrames) -> None:
         for frame in frames:
             try:
                 self._on_frame(name, frame)

@@ -36,7 +36,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_node.assembly.facts import LossReason
-from tactile_node.assembly.pad_assembler import Frames, PadAssembler
+from tactile_node.assembly.pad_assembler import PadAssembler, TaxelFrames
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
 from tactile_node.taxel_frame import TpdoAges, read_only
@@ -71,20 +71,20 @@ class SnapshotAssembler(PadAssembler):
         """Record that a node was started. The assembler forgets the node's values when the next TPDO arrives."""
         self._started.add(node_id)
 
-    def end_period(self) -> Frames:
+    def end_period(self) -> TaxelFrames:
         frames = self._give_new()
         self._forget()
         return frames
 
-    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
+    def _feed_tpdo(self, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         if wrong := self._wrong_length(rank, data):
             return self._lose(wrong)
-        frames = self._forget_invalid(timestamp)
-        if self._is_duplicate(rank, data, timestamp):
+        frames = self._forget_invalid(stamp)
+        if self._is_duplicate(rank, data, stamp):
             return frames + self._lose(LossReason.DUPLICATE)
-        if self._is_new[rank] or timestamp - self._first_new > SNAPSHOT_WAIT:
+        if self._is_new[rank] or stamp - self._first_new > SNAPSHOT_WAIT:
             frames += self._give_new()
-        self._take(rank, data, timestamp)
+        self._take(rank, data, stamp)
         if (self._is_new | self._is_too_old()).all():
             frames += self._give_new()
         return frames
@@ -103,9 +103,9 @@ class SnapshotAssembler(PadAssembler):
         self._last = -1, b''  # rank and bytes of the last TPDO
         self._started: set[int] = set()  # node-IDs
 
-    def _forget_invalid(self, stamp: float) -> Frames:
+    def _forget_invalid(self, stamp: float) -> TaxelFrames:
         """Forget the values that are no longer valid at ``stamp``, and return the snapshot that holds them."""
-        frames: Frames = ()
+        frames: TaxelFrames = ()
         is_first = not self._is_known.any()
         if not is_first and abs(stamp - self._newest) > self._event.max_age:
             frames = self.end_period()
@@ -140,7 +140,7 @@ class SnapshotAssembler(PadAssembler):
         """Return, for each rank, True if the last TPDO is older than ``max_age``."""
         return np.greater(self._newest - self._stamps, self._event.max_age)
 
-    def _give_new(self) -> Frames:
+    def _give_new(self) -> TaxelFrames:
         """Return a snapshot if any value is new, otherwise an empty tuple."""
         if not self._is_new.any():
             return ()

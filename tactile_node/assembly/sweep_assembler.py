@@ -37,7 +37,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_node.assembly.facts import LossReason
-from tactile_node.assembly.pad_assembler import Frames, PadAssembler
+from tactile_node.assembly.pad_assembler import PadAssembler, TaxelFrames
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import EventDriven, SkinLayout
 
@@ -74,18 +74,18 @@ class SweepAssembler(PadAssembler):
         """Record that the node was started. The next TPDO of the node begins a run."""
         self._is_continued = False
 
-    def end_period(self) -> Frames:
+    def end_period(self) -> TaxelFrames:
         frames, self._first = self._end(), None
         return frames
 
-    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
-        is_within = self._is_within(timestamp)
+    def _feed_tpdo(self, rank: int, data: bytes, stamp: float) -> TaxelFrames:
+        is_within = self._is_within(stamp)
         if is_within and (rank, data) == self._last:
             return self._lose(LossReason.DUPLICATE)
-        frames: Frames = ()
+        frames: TaxelFrames = ()
         if not is_within or rank <= self._last[0]:
             frames = self._end()
-            self._begin(timestamp)
+            self._begin(stamp)
         self._last = rank, data
         if wrong := self._wrong_length(rank, data):
             self._lose(wrong)
@@ -123,7 +123,7 @@ class SweepAssembler(PadAssembler):
         self._fresh = np.zeros(self._size, bool)
         self._is_continued, self._is_given = True, False
 
-    def _end(self) -> Frames:
+    def _end(self) -> TaxelFrames:
         """Return the frame of the present run, if there is one."""
         if self._is_given or self._first is None:
             return ()

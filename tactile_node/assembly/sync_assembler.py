@@ -98,7 +98,7 @@ import numpy as np
 
 from tactile_node.assembly.facts import LossReason, PadFacts
 from tactile_node.assembly.health import TpdoOrder
-from tactile_node.assembly.pad_assembler import Frames, PadAssembler
+from tactile_node.assembly.pad_assembler import PadAssembler, TaxelFrames
 from tactile_node.assembly.sweep_sender import SweepSender
 from tactile_node.cia301.objects import MAX_PDO_BYTES
 from tactile_node.skin.layout import SkinLayout
@@ -188,12 +188,12 @@ class SyncAssembler(PadAssembler):
         for node in self._nodes.values():
             node.settle()
 
-    def sync(self, timestamp: float, late: float = 0.0) -> Frames:
+    def sync(self, stamp: float, late: float = 0.0) -> TaxelFrames:
         """End the period and begin the next one, because a SYNC was sent on the bus.
 
         Parameters
         ----------
-        timestamp : float
+        stamp : float
             Stamp of the SYNC [s].
         late : float
             Largest delay of the SYNC after its stamp [s].
@@ -206,10 +206,10 @@ class SyncAssembler(PadAssembler):
         frames = self._end_sweep()
         self._sequence += 1
         self._syncs += 1
-        self._sweep = Sweep(self._sequence, timestamp, len(self._names), is_discarded=late > MOST_LATE)
+        self._sweep = Sweep(self._sequence, stamp, len(self._names), is_discarded=late > MOST_LATE)
         return frames
 
-    def end_period(self) -> Frames:
+    def end_period(self) -> TaxelFrames:
         frames = self._end_sweep() + self._close_before()
         self._sweep = None
         self._restart_nodes()
@@ -230,12 +230,12 @@ class SyncAssembler(PadAssembler):
             return None
         return TpdoOrder(node_id, *(tuple(self._names[rank] for rank in ranks) for ranks in (sent, node.ranks)))
 
-    def _feed_tpdo(self, rank: int, data: bytes, timestamp: float) -> Frames:
+    def _feed_tpdo(self, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         sweep, node = self._sweep, self._nodes_by_rank[rank]
         if sweep is None:
             return self._lose(LossReason.BEFORE_FIRST_SYNC)
-        if self._one_clock and timestamp < sweep.stamp:
-            return self._feed_earlier(node, rank, data, timestamp)
+        if self._one_clock and stamp < sweep.stamp:
+            return self._feed_earlier(node, rank, data, stamp)
         if node.received and node.repeats(rank, data):
             return self._lose(LossReason.DUPLICATE)
         self._distinct[rank] += 1
@@ -253,7 +253,7 @@ class SyncAssembler(PadAssembler):
             sweep.tpdos[rank] = data
         return frames if sweep.missing else frames + self._emit(sweep)
 
-    def _feed_earlier(self, node: SweepSender, rank: int, data: bytes, timestamp: float) -> Frames:
+    def _feed_earlier(self, node: SweepSender, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         """Process a TPDO that was on the bus before the last SYNC."""
         if node.owes_tail and node.repeats(rank, data):
             return self._lose(LossReason.DUPLICATE)
@@ -265,7 +265,7 @@ class SyncAssembler(PadAssembler):
         node.note_earlier(rank, data)
         if before is None:
             return self._lose(LossReason.LATE)
-        if not is_tail or timestamp < before.stamp:
+        if not is_tail or stamp < before.stamp:
             self._lose(LossReason.LATE, before.discard() + 1)
         elif (wrong := self._wrong_length(rank, data)) is not None:
             self._lose(wrong)
@@ -273,7 +273,7 @@ class SyncAssembler(PadAssembler):
             before.tpdos[rank] = data
         return self._close_settled()
 
-    def _begin_run(self, sweep: Sweep, node: SweepSender, rank: int) -> Frames:
+    def _begin_run(self, sweep: Sweep, node: SweepSender, rank: int) -> TaxelFrames:
         """Decide what the present run of a node was, because the node begins its next run in the same period."""
         if node.behind:
             self._use_held(node, self._before if node.owes_tail else None)
@@ -288,7 +288,7 @@ class SyncAssembler(PadAssembler):
         node.lose_step()
         return ()
 
-    def _use_held(self, node: SweepSender, sweep: Sweep | None) -> Frames:
+    def _use_held(self, node: SweepSender, sweep: Sweep | None) -> TaxelFrames:
         """Move the held TPDOs of a node to ``sweep``. The TPDOs are lost if it takes none."""
         held, node.held = node.held, {}
         if sweep is None or sweep.is_closed:
@@ -296,7 +296,7 @@ class SyncAssembler(PadAssembler):
         sweep.tpdos |= held
         return ()
 
-    def _end_sweep(self) -> Frames:
+    def _end_sweep(self) -> TaxelFrames:
         """End the period, and close the sweeps whose missing TPDOs can no longer arrive."""
         frames, sweep = self._close_before(), self._sweep
         if sweep is None:
@@ -307,18 +307,18 @@ class SyncAssembler(PadAssembler):
             self._before = sweep
         return frames + self._close_settled()
 
-    def _close_settled(self) -> Frames:
+    def _close_settled(self) -> TaxelFrames:
         """Emit the sweep before the last SYNC if it can receive no further TPDOs."""
         if self._before is None:
             return ()
         is_open = not self._before.is_discarded and any(node.owes_tail for node in self._nodes.values())
         return () if is_open else self._close_before()
 
-    def _close_before(self) -> Frames:
+    def _close_before(self) -> TaxelFrames:
         before, self._before = self._before, None
         return () if before is None else self._emit(before)
 
-    def _emit(self, sweep: Sweep) -> Frames:
+    def _emit(self, sweep: Sweep) -> TaxelFrames:
         sweep.is_emitted = True
         payload = bytearray(MAX_PDO_BYTES * len(self._names))
         fresh = np.zeros(len(self._names), bool)

@@ -47,7 +47,7 @@ class Batch(NamedTuple):
 
     #: Interval of the monotonic clock in which all messages arrived [s]; None if the stamp of each message gives its
     #: time of arrival.
-    came: tuple[float, float] | None = None
+    arrival: tuple[float, float] | None = None
 
     #: number of CAN frames that the kernel has dropped before, between or directly after these messages
     dropped: int = 0

@@ -216,7 +216,7 @@ class SkinBus:
             Raised if the command cannot be sent.
         """
         if was_silent:
-            self.traffic.post(self._router.node_started, node.node_id)
+            self.traffic.chain.post(self._router.node_started, node.node_id)
         self.devices.command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
@@ -225,7 +225,7 @@ class SkinBus:
         The sequence numbers skip ``lost_periods``. The method does not start the devices.
         """
         self._opened()
-        self.traffic.post(self._router.resume, lost_periods)
+        self.traffic.chain.post(self._router.resume, lost_periods)
         self._is_running = True
         self._start_pacers()
 
@@ -237,7 +237,7 @@ class SkinBus:
         self._sync.stop()
         for poll in self._polls.values():
             poll.stop()
-        self.traffic.post(self._router.pause)
+        self.traffic.chain.post(self._router.pause)
         for node in self._nodes if self.failure is None else ():
             try:
                 self.devices.command(NmtCommand.ENTER_PRE_OPERATIONAL, node)

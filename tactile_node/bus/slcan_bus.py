@@ -71,7 +71,7 @@ class BulkSlcanBus(slcanBus):
                  listen_only: bool = False, **options: Any):
         self._lines: deque[str] = deque()
         self._asked = -inf  # time of the last check for waiting bytes
-        self._came_after = -inf  # all lines in the buffer arrived after this time
+        self._earliest_arrival = -inf  # all lines in the buffer arrived after this time
         self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores this option
         self._lock = _lock_port(channel.split('@')[0])
         try:
@@ -123,13 +123,13 @@ class BulkSlcanBus(slcanBus):
 
     def recv_all(self, timeout: float) -> Batch:
         """Return all waiting messages. If no message is waiting, wait up to ``timeout`` [s] for the first one."""
-        self._came_after = self._asked
+        self._earliest_arrival = self._asked
         if not self._lines:
             self._read_lines(timeout)
         lines, self._lines = self._lines, deque()
         now, read = time.time(), time.monotonic()
         messages = (self._message(line, now) for line in lines)
-        return Batch([message for message in messages if message is not None], (self._came_after, read))
+        return Batch([message for message in messages if message is not None], (self._earliest_arrival, read))
 
     def _read_lines(self, timeout: float | None) -> None:
         """Read all waiting bytes, and repeat this until a line is complete or ``timeout`` [s] has passed."""
@@ -139,7 +139,7 @@ class BulkSlcanBus(slcanBus):
                 self._asked = time.monotonic()
                 waiting = self.serialPortOrig.in_waiting
                 if not waiting and not self._buffer:  # no byte of the next line has arrived yet
-                    self._came_after = self._asked
+                    self._earliest_arrival = self._asked
                 self._buffer += self.serialPortOrig.read(max(1, waiting))
             *lines, rest = self._buffer.translate(ENDS).split(END)
             self._buffer = bytearray(rest)

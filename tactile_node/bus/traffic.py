@@ -3,7 +3,7 @@
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from math import inf
 from queue import Empty, SimpleQueue
 
@@ -11,6 +11,7 @@ import can
 
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router, non_data_kind
+from tactile_node.assembly.sync_assembler import MOST_LATE
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import Batch, BusNetwork, OnFailure
 from tactile_node.bus.stamp_clock import StampClock
@@ -20,8 +21,6 @@ from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
 
 logger = logging.getLogger(__name__)
-
-LONGEST_WRITE = 0.1  #: Longest time the chain waits until a SYNC has been written [s].
 
 #: Placeholder COB-ID in the queue for a message that is not a data frame with an 11-bit identifier. Such a message only
 #: occupies the bus. An error frame also has the placeholder stamp inf, because no time before it counts as free.
@@ -58,7 +57,8 @@ class Traffic:
         self._on_failure = on_failure
         self._polled = polled
         self._queue_limit = queue_limit
-        self._chain = chain or Chain('assembler')
+        #: chain that assembles the frames; a posted call runs after all messages received so far
+        self.chain = chain or Chain('assembler')
         self._owns_chain = chain is None
         self.clock = StampClock(is_host_stamped)
         self._jumps_reported = 0
@@ -71,7 +71,7 @@ class Traffic:
         self.overruns = 0
         self.syncs_sent = 0
         self.pause = SyncPause(sync_period)
-        self._last_came = -inf  # stamp before which all messages so far had arrived
+        self._last_arrival = -inf  # stamp before which all messages so far had arrived
         self._is_gap = True  # True if messages before the next batch may be missing
         self._read_at = 0.0  # time at which the last batch was read, on the steady clock
 
@@ -80,34 +80,20 @@ class Traffic:
         self._is_gap = True
         if self._owns_chain:
             self._posted = self._fed = 0
-            self._chain.start()
+            self.chain.start()
 
     def end(self, timeout: float) -> None:
         """Wait up to ``timeout`` [s] until the chain has run all calls posted so far."""
         if self._owns_chain:
-            self._chain.stop(timeout)
+            self.chain.stop(timeout)
         else:
-            self._chain.wait_until_idle(timeout)
+            self.chain.wait_until_idle(timeout)
 
     def restart(self) -> None:
         """Start the sequence numbers at 0, and let the stamps follow the wall clock."""
         self.clock.restart()
         self.pause.restart()
-        self.post(self._router.restart)
-
-    def post(self, call: Callable[..., object], *args: object) -> None:
-        """Post a call to the chain, behind all messages received so far.
-
-        Any thread may call ``post``. The method returns immediately.
-
-        Parameters
-        ----------
-        call : callable
-            Function to call.
-        *args
-            Its arguments.
-        """
-        self._chain.post(call, *args)
+        self.chain.post(self._router.restart)
 
     def received(self, batch: Batch) -> None:
         """Count, stamp and post a batch.
@@ -117,34 +103,34 @@ class Traffic:
         is_gap = self._is_gap or batch.dropped > 0
         self._is_gap = True  # there is a gap, unless this batch gets into the queue
         self.overruns += batch.dropped
-        frames = []
+        can_frames = []
         for message in batch.messages:
             kind = non_data_kind(message)
             if kind is None:
                 can_id, data = message.arbitration_id, bytes(message.data)
                 self._monitor.feed(can_id, data)
-                frames.append((can_id, data, self.clock.of(message.timestamp)))
+                can_frames.append((can_id, data, self.clock.of(message.timestamp)))
             else:
                 self._count_other(kind, message)
                 # the bus may have more errors than the controller reports
-                came = inf if message.is_error_frame else self.clock.of(message.timestamp)
-                frames.append((NO_DATA, b'', came))
-        if self._posted - self._fed + len(frames) <= self._queue_limit:
-            self._posted += len(frames)
-            self.post(self._feed, frames, self._came(batch), self._most_free(batch, is_gap))
+                stamp = inf if message.is_error_frame else self.clock.of(message.timestamp)
+                can_frames.append((NO_DATA, b'', stamp))
+        if self._posted - self._fed + len(can_frames) <= self._queue_limit:
+            self._posted += len(can_frames)
+            self.chain.post(self._feed, can_frames, self._arrival(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
-            self.overruns += sum(can_id != NO_DATA for can_id, _, _ in frames)
+            self.overruns += sum(can_id != NO_DATA for can_id, _, _ in can_frames)
 
-    def _came(self, batch: Batch) -> tuple[float, float] | None:
+    def _arrival(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
 
         Return None if each frame's stamp is its time of arrival.
         """
-        if batch.came is None:
+        if batch.arrival is None:
             return None
         lead = self.clock.now() - time.monotonic()
-        after, until = batch.came
+        after, until = batch.arrival
         return after + lead, until + lead
 
     def _most_free(self, batch: Batch, is_gap: bool) -> float:
@@ -152,23 +138,25 @@ class Traffic:
 
         The bound is 0 if frames before this batch may be missing (``is_gap``).
         """
-        after, read = batch.came or (time.monotonic(),) * 2
+        after, read = batch.arrival or (time.monotonic(),) * 2
         before, self._read_at = self._read_at, read
         return 0.0 if is_gap else max(0.0, after - before)
 
-    def _feed(self, frames: list[tuple[int, bytes, float]], came: tuple[float, float] | None, most_free: float) -> None:
+    def _feed(self, can_frames: list[tuple[int, bytes, float]], arrival: tuple[float, float] | None,
+              most_free: float) -> None:
         """Feed a batch to the router, on the chain thread.
 
         If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
         """
-        self._fed += len(frames)
-        for can_id, data, stamp in frames:
+        self._fed += len(can_frames)
+        for can_id, data, stamp in can_frames:
             if stamp == inf:
                 self._router.free_bus.saw_other(inf, inf)
                 continue
-            after, until = came or (stamp, stamp)
-            self._router.free_bus.saw_other(after, max(0.0, after - self._last_came - most_free))
-            self._last_came = until
+            after, until = arrival or (stamp, stamp)
+            not_free = max(0.0, after - self._last_arrival - most_free)
+            self._router.free_bus.saw_other(after, not_free)
+            self._last_arrival = until
             if can_id == NO_DATA:
                 self._router.free_bus.saw_other(stamp)
             else:
@@ -187,7 +175,7 @@ class Traffic:
         """Count a frame that this driver is about to send, and queue it if it is an SDO request to a polled node."""
         self._monitor.feed_own(len(data))
         if can_id - SDO_REQUEST in self._polled:
-            self.post(self._router.feed, can_id, bytes(data), self.clock.now())
+            self.chain.post(self._router.feed, can_id, bytes(data), self.clock.now())
 
     def send_sync(self, network: BusNetwork, can_id: int) -> None:
         """Send a SYNC, unless the driver must skip it so that the bus becomes free (`SyncPause`).
@@ -213,7 +201,7 @@ class Traffic:
 
         def announce() -> float:
             stamp = self.clock.now()
-            self.post(self._begin_period, stamp, written)
+            self.chain.post(self._begin_period, stamp, written)
             return stamp - self.clock.ahead
         self.syncs_sent += 1
         try:
@@ -227,10 +215,11 @@ class Traffic:
         """Begin a period, on the chain thread.
 
         The thread first waits until the SYNC has been written, because answers must not be used before the delay of the
-        SYNC is known.
+        SYNC is known. The answers to a SYNC that takes longer than MOST_LATE are not used, so the thread waits no
+        longer.
         """
         try:
-            late = written.get(timeout=LONGEST_WRITE) - stamp
+            late = written.get(timeout=MOST_LATE) - stamp
         except Empty:
             late = inf
         self._router.sync(stamp, late)

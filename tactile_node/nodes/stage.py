@@ -65,6 +65,63 @@ class Stages:
         return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
 
 
+class StageOutput(Generic[Result]):
+    """Output of a stage, which publishes results on a topic and passes them to the next stage of this process.
+
+    The output creates a message only while the topic has a subscriber. In a lossless replay, it always creates one.
+
+    Parameters
+    ----------
+    node : Node
+        Node of the stage.
+    kind : type
+        Type of the messages.
+    topic : str
+        Name of the topic.
+    settings : NodeSettings
+        Settings of the node.
+    make : callable
+        Function that creates a message from a result.
+    stages : Stages
+        Stages of this process.
+    """
+
+    def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
+                 stages: Stages):
+        self._make, self._stages = make, stages
+        self._publisher: OnDemandPublisher[Any] = OnDemandPublisher(node, kind, topic, settings.qos,
+                                                                    lossless=settings.lossless)
+        self.topic = self._publisher.topic  #: full name of the topic
+
+    def send(self, result: Result, acquired: float) -> None:
+        """Publish a result and pass it on, on the chain thread.
+
+        Parameters
+        ----------
+        result : Result
+            Result of this stage.
+        acquired : float
+            Time when the taxels were acquired, on the steady clock [s].
+        """
+        try:
+            self._publisher.publish(lambda: self._message(result, acquired))
+        finally:  # the next stage must get the result even if publishing the message fails
+            if (reader := self._stages.input_of(self.topic)) is not None:
+                reader.feed(result, acquired)
+
+    def end(self) -> None:
+        """Stop sending, because the node is ending or is no longer configured."""
+        reader = self._stages.input_of(self.topic)
+        if reader is not None:
+            reader.end_feeding()
+        self._publisher.destroy()
+
+    def _message(self, result: Result, acquired: float) -> Any:
+        message = self._make(result)
+        message.age = age_message(time.monotonic() - acquired)
+        return message
+
+
 class StageInput(MessageGuard[Message], Generic[Message, Result]):
     """Input of a stage, which receives results from a stage of the same process or messages from a topic.
 
@@ -217,60 +274,3 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         elif not self._has_others and self._subscription is not None:
             subscription, self._subscription = self._subscription, None
             self._node.destroy_subscription(subscription)
-
-
-class StageOutput(Generic[Result]):
-    """Output of a stage, which publishes results on a topic and passes them to the next stage of this process.
-
-    The output creates a message only while the topic has a subscriber. In a lossless replay, it always creates one.
-
-    Parameters
-    ----------
-    node : Node
-        Node of the stage.
-    kind : type
-        Type of the messages.
-    topic : str
-        Name of the topic.
-    settings : NodeSettings
-        Settings of the node.
-    make : callable
-        Function that creates a message from a result.
-    stages : Stages
-        Stages of this process.
-    """
-
-    def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
-                 stages: Stages):
-        self._make, self._stages = make, stages
-        self._publisher: OnDemandPublisher[Any] = OnDemandPublisher(node, kind, topic, settings.qos,
-                                                                    lossless=settings.lossless)
-        self.topic = self._publisher.topic  #: full name of the topic
-
-    def send(self, result: Result, acquired: float) -> None:
-        """Publish a result and pass it on, on the chain thread.
-
-        Parameters
-        ----------
-        result : Result
-            Result of this stage.
-        acquired : float
-            Time when the taxels were acquired, on the steady clock [s].
-        """
-        try:
-            self._publisher.publish(lambda: self._message(result, acquired))
-        finally:  # the next stage must get the result even if publishing the message fails
-            if (reader := self._stages.input_of(self.topic)) is not None:
-                reader.feed(result, acquired)
-
-    def end(self) -> None:
-        """Stop sending, because the node is ending or is no longer configured."""
-        reader = self._stages.input_of(self.topic)
-        if reader is not None:
-            reader.end_feeding()
-        self._publisher.destroy()
-
-    def _message(self, result: Result, acquired: float) -> Any:
-        message = self._make(result)
-        message.age = age_message(time.monotonic() - acquired)
-        return message

@@ -76,7 +76,7 @@ class Supervisor:
         self._by_pad = {pad.name: [SupervisedNode(self._bus, NodeMonitor(node, self.bus_monitor, *timeouts), recover)
                                    for node in pad.nodes] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
-        self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.traffic.post, data_timeout=timeouts[1])
+        self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.traffic.chain.post, data_timeout=timeouts[1])
         self._outages: Outages[Failure] = Outages()  # outages of the bus
         self._retries = Retries()  # attempts to reopen the bus
         self._throttle = LogThrottle()
