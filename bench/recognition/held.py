@@ -64,8 +64,8 @@ def _held(recogniser: Recogniser, values: np.ndarray, rng: np.random.Generator) 
 
 def table(found: Iterable[OfHeld]) -> Table:
     made = Table('Held contacts', f'contacts with pressures that are held in place, with {100 * NOISE:g} % noise in '
-                 f'each frame at {1 / PERIOD:g} Hz; share with the right name, share with a name of {SURE:g} or more, and '
-                 'share of wrong names among all contacts, as fused until then [%]',
+                 f'each frame at {1 / PERIOD:g} Hz; share with the right name, share with a name of {SURE:g} or more, '
+                 'and share of wrong names among all contacts, as fused until then [%]',
                  ['contacts', 'area', 'after, s', 'number', 'right, %', 'sure, %', 'sure and wrong, %'])
     for one in found:
         made.add(one.contacts, f'{one.area:g}', f'{one.after:g}', one.right.total, one.right, one.sure, one.wrong)
