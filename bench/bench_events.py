@@ -44,7 +44,7 @@ from event_world import (
 )
 
 from tactile_node.pose.events import EventKind, Moving
-from tactile_node.pose.motion import LARGEST_LOAD, SHIFT_PER_LOAD
+from tactile_node.pose.motion import LARGEST_LOAD, SHIFT_OF_EXTENT, SHIFT_PER_LOAD
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from training.ground_truth.seeds import Purpose, generator
 
@@ -54,6 +54,8 @@ SPEEDS = (0.5, 2.0, 10.0, 20.0, 50.0, 100.0)  #: Speeds of the contacts [mm/s].
 PROMISED = {'outline': 0.3, 'centre of pressure': 0.8, 'on/off': 1.5}
 #: Length of a slide [pitches].
 FAR = {'outline': 1.4, 'centre of pressure': 1.8, 'on/off': 2.4}
+#: Largest movement beyond the largest shift before a slide is reported, as promised in docs/events.md [pitches].
+PROMISED_SLIDE = PROMISED | {'outline': 0.4}
 FAR_LIFTED = 3.2                         #: Length of a slide after a lift [pitches].
 LIFTED_SPEEDS = (2.0, 10.0, 20.0, 50.0)  #: Speeds of the slides after a lift [mm/s].
 #: Kinds of contacts that are lifted.
@@ -70,7 +72,7 @@ FALSE = EventKind.SLIDING, EventKind.TURNING  #: Events that a lift must not cau
 TURNS = tuple(kind for kind in KINDS if kind not in ('circle', 'ball', 'cone'))
 
 #: Increase this number by a million after each change that a report prompts, so that the next report uses new seeds.
-SEED = 73_000_000
+SEED = 74_000_000
 
 
 class Lifted(NamedTuple):
@@ -79,6 +81,7 @@ class Lifted(NamedTuple):
     way: str
     is_false: list[list[bool]]  #: for each ramp of the load, True if it was reported as a slide or a turn
     slid: list[float]           #: distance that the contact had slid when the slide was reported [pitches]
+    in_time: list[bool]         #: True if the slide was reported within the promised distance plus one frame
 
 
 def reported_after(frames: list[Frame], kinds: Moving, radius: float = 0.0) -> tuple[float, Moving]:
@@ -110,16 +113,20 @@ def measure(recogniser: VisibilityGuard, what: str, count: int, only: list[str],
                   f'plus one frame', flush=True)
 
 
-def lifted(recogniser: VisibilityGuard, way: str, number: int, purpose: Purpose = Purpose.EVALUATION) -> Lifted:
-    """Return the reports of one contact that is lifted and then slides."""
+def lifted(recogniser: VisibilityGuard, way: str, number: int, stiffness: float | None = None,
+           purpose: Purpose = Purpose.EVALUATION) -> Lifted:
+    """Return the reports of one contact that is lifted and then slides.
+
+    Without ``stiffness`` of the finger's pitch joint [N m/rad], the stiffness is drawn.
+    """
     rng = generator(purpose, SEED + 200_000 + 1000 * list(PROMISED).index(way) + number)
-    skin = random_skin(rng)
-    scene = Scene(rng, LIFTED[number % len(LIFTED)], way, skin=skin)
-    path, seconds, begins = lift(rng, scene, LIFTED_SPEEDS[number % len(LIFTED_SPEEDS)], FAR_LIFTED)
-    return reports_of(way, scene.see(recogniser, path, seconds), begins, scene.shift_per_load(LARGEST_LOAD))
+    scene = Scene(rng, LIFTED[number % len(LIFTED)], way, skin=random_skin(rng, stiffness))
+    speed = LIFTED_SPEEDS[number % len(LIFTED_SPEEDS)]
+    path, seconds, begins = lift(rng, scene, speed, FAR_LIFTED)
+    return reports_of(way, scene.see(recogniser, path, seconds), begins, scene.shift_per_load(LARGEST_LOAD), speed)
 
 
-def reports_of(way: str, seen: list[Sighting], begins: tuple[float, ...], true_shift: float) -> Lifted:
+def reports_of(way: str, seen: list[Sighting], begins: tuple[float, ...], true_shift: float, speed: float) -> Lifted:
     """Return the reports of all rules for the same measurements.
 
     Parameters
@@ -132,8 +139,12 @@ def reports_of(way: str, seen: list[Sighting], begins: tuple[float, ...], true_s
         Times at which the ramps of the load and the slide begin [s].
     true_shift : float
         True shift per load [m].
+    speed : float
+        Speed of the slide [mm/s].
     """
-    is_false, slid = [], []
+    is_false, slid, in_time = [], [], []
+    mask = next(each.sight.pattern.mask for each in seen if each.time >= begins[-1])
+    extent = max(np.count_nonzero(mask.any(axis)) for axis in (0, 1))  # [pitches]
     for parameter in (NO_ALLOWANCE, SHIFT_PER_LOAD, CALIBRATED * true_shift):
         frames = followed(seen, parameter)
         times = [frame.time for frame in frames for event in frame.motion.events if event.kind in FALSE]
@@ -141,7 +152,9 @@ def reports_of(way: str, seen: list[Sighting], begins: tuple[float, ...], true_s
         slides = [moved(frame.place) for frame in frames
                   if frame.time > begins[-1] and frame.motion.moving & Moving.SLIDING]
         slid.append(min(slides, default=np.inf))
-    return Lifted(way, is_false, slid)
+        largest_shift = min(SHIFT_OF_EXTENT * extent, LARGEST_LOAD * parameter / PITCH)
+        in_time.append(slid[-1] <= largest_shift + PROMISED_SLIDE[way] + speed * 1e-3 / PITCH / RATE + 1e-9)
+    return Lifted(way, is_false, slid, in_time)
 
 
 def report_lifts(found: list[Lifted], file: Path) -> None:
@@ -152,8 +165,10 @@ def report_lifts(found: list[Lifted], file: Path) -> None:
             slid = [each.slid[number] for each in of_way]
             median, most = np.quantile(slid, (0.5, 0.9), method='nearest')
             false = np.concatenate([each.is_false[number] for each in of_way])
+            in_time = sum(each.in_time[number] for each in of_way)
             print(f'lifts {way}, {rule}: {false.sum()} of {len(false)} ramps reported as a slide or a turn; '
-                  f'{len(slid)} slides reported after {median:.2f} (median), {most:.2f} (90 %) pitches', flush=True)
+                  f'slides reported after {median:.2f} (median), {most:.2f} (90 %) pitches, {in_time} of {len(slid)} '
+                  f'within the promised distance plus one frame', flush=True)
     from matplotlib.figure import Figure
     figure = Figure(figsize=(8, 3.5), layout='constrained')
     left, right = figure.subplots(1, 2)
@@ -199,6 +214,7 @@ def main() -> None:
     parser.add_argument('--speeds', nargs='*', type=float, default=list(SPEEDS),
                         help='speeds to measure in this run [mm/s]')
     parser.add_argument('--seed', type=int, default=0, help='seed of the holds, where a new seed draws new holds')
+    parser.add_argument('--stiffness', type=float, help='stiffness of the pitch joint in the lifts [N m/rad]')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs/events.png')
     args = parser.parse_args()
     recogniser = make_recogniser()
@@ -206,7 +222,7 @@ def main() -> None:
         if what in ('quiet', 'shaken', 'swung'):
             count_false(recogniser, what, args.seconds, args.seed, args.ways)
         elif what == 'lifts':
-            report_lifts([lifted(recogniser, way, number) for way in args.ways
+            report_lifts([lifted(recogniser, way, number, args.stiffness) for way in args.ways
                           for number in range(args.count * len(LIFTED))], args.output)
         else:
             measure(recogniser, what, args.count, args.ways, args.speeds)

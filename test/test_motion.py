@@ -185,9 +185,9 @@ def pressed(where=WHOLE, level=50e3, along=0.0):
     return (1 - part) * np.roll(values, int(whole), 1) + part * np.roll(values, int(whole) + 1, 1)
 
 
-def motions(frames, period=0.02, **marks):
+def motions(frames, period=0.02, pipeline=None, **marks):
     """Return the motion in each of the consecutive frames, where None marks a missing frame."""
-    pipeline, found = ContactPipeline(), []
+    pipeline, found = pipeline or ContactPipeline(), []
     for number, values in enumerate(frames):
         if values is not None:
             found.append(pipeline.follow(values, TAXELS, 100 + period * number, **marks).motion)
@@ -224,17 +224,23 @@ def test_the_motion_of_an_unseen_contact_is_not_known():
     assert found[-1].moving is Moving.NOT_KNOWN and found[-1].last_event is None
 
 
-def slid_after(change):
+def slid_after(change, **settings):
     """Return how far a contact slides until it is reported, after its force has changed by a factor [pitches]."""
     levels = 50e3 * np.concatenate((np.ones(60), np.linspace(1, change, 25), np.full(35, change)))
     ways = np.concatenate((np.zeros(90), 0.1 * np.arange(1, 31)))
-    found = motions([pressed(level=level, along=way) for level, way in zip(levels, ways)])
+    found = motions([pressed(level=level, along=way) for level, way in zip(levels, ways)],
+                    pipeline=ContactPipeline(**settings))
     return next(way for motion, way in zip(found, ways) if motion.moving & Moving.SLIDING)
 
 
 def test_a_change_of_force_does_not_delay_the_report_of_a_slide():
-    """The growth of a contact under 1.5 times the force is smaller than the largest shift."""
+    """The growth of a contact under 1.5 times the force is smaller than the largest shift.
+
+    The growth under 1.2 times the force is smaller than the step of a movement.
+    """
     assert slid_after(1.5) == slid_after(1 / 1.5) == slid_after(1.0)
+    known = {'shift_per_load': SHIFT_PER_LOAD}
+    assert slid_after(1.2, **known) == slid_after(1 / 1.2, **known) == slid_after(1.0, **known)
 
 
 def test_force_by_steps():

@@ -38,8 +38,8 @@ class Sight(NamedTuple):
     is_on_off: bool
 
 
-# A movement begins once it exceeds one of these steps, and is a slide once it exceeds the allowed shift by one of these
-# steps. The steps are smaller than the documented ones (0.4, 0.8 and 1.5 pitches), because a second frame must confirm
+# A movement begins once it exceeds one of these steps, and is a slide once it exceeds the allowed shift by half of this
+# step. The steps are smaller than the documented ones (0.4, 0.8 and 1.5 pitches), because a second frame must confirm
 # the movement.
 OUTLINE_STEP = 0.2    #: step of an outline [pitches]
 PRESSURE_STEP = 0.55  #: step of a centre of pressure [pitches]
@@ -58,7 +58,7 @@ SHIFT_PER_LOAD = 0.0088
 #: Number of standard deviations that a turn must exceed. The number is high because fitted angles jump from frame to
 #: frame.
 TURN_CERTAINTY = 6.0
-SLACK = 3.0           #: Number of standard deviations by which a slide alone may change the fitted angle.
+SLACK = 9.0           #: Number of standard deviations by which a slide alone may change the fitted angle.
 
 #: Shift of a contact's centre while its load grows by a factor of e, as a share of the contact's extent. On an elastic
 #: skin, the extent may grow with the square root of the force. If the contact grows at one end only, its centre moves

@@ -9,10 +9,10 @@ limit, and not clearly, that frame is discarded. A position counts as at rest ag
 STOPPED. After a slow movement, it must stay the same for the longer time in which such a movement would become
 detectable.
 
-A movement is a shift until its distance from the position of rest exceeds the shift that a load along the pad can cause
-in an elastic skin. From then on, the movement is a slide, until the position stops. The position of rest is the
-position before the first movement, or after a slide. A track therefore adds up the distances of all movements since
-then. Drift between the movements moves the position of rest too.
+A movement is a shift until its distance from the position of rest is half a step larger than the shift that a load
+along the pad can cause in an elastic skin. From then on, the movement is a slide, until the position stops. The
+position of rest is the position before the first movement, or after a slide. A track therefore adds up the distances of
+all movements since then. Drift between the movements moves the position of rest too.
 """
 
 import math
@@ -31,6 +31,7 @@ CERTAINTY = 5.0
 CLAIMED = 0.5
 PRIOR = 4  #: Weight of the reported noise, expressed as a number of positions.
 CLEARLY = 1.6  #: Factor by which a single frame must exceed the limit to prove a movement.
+BEYOND = 0.5  #: Share of a step by which a slide must exceed the largest shift.
 GOES_ON = 0.5  #: Share of a step that a position must cover within the stopping time to count as moving.
 FORCE_TIME = 0.5  #: Time over which the reference of the force is averaged [s].
 FORCE_STEP = 0.35  #: Step of the force, as a share of the reference.
@@ -78,7 +79,7 @@ class Track:
         self.is_moving = False
         self.is_sliding = False    #: True if the position moves, and has moved farther than a load can shift it
         self.has_returned = False  #: True if the latest movement ended where it began or at the position of rest
-        #: probability in the latest frame that the position has moved by half a step, or has slid by half a step
+        #: probability in the latest frame that the position has moved by half a step, or beyond the allowed shift
         self.probability = 0.0
         self.shift = self._shift_before = shift  #: displacement from the position of rest [m]
         self._error = 0.0   # standard deviation of a position at the beginning of the movement [m]
@@ -146,14 +147,13 @@ class Track:
         sd : float
             Standard deviation of the position [m].
         slack : float
-            Distance by which the position may change for another reason, such as the growth of a contact [m]. This
-            distance is added to the limit of a movement.
+            Distance by which the position may change for another reason, such as the growth of a contact [m]. A
+            movement must exceed this distance.
         load : float
             Normal load on the contact, in any unit.
         allowed : float
             Distance from the position of rest up to which a load along the pad shifts the position [m]. If ``slack``
-            is larger, a movement is a shift up to the distance ``slack``. The two distances are not added, because the
-            step covers the growth under a moderate change of force (docs/events.md).
+            is larger, a movement is a shift up to the distance ``slack`` (docs/events.md).
         """
         place = Place(time, x, y, load)
         self._recent.append(place)
@@ -180,10 +180,10 @@ class Track:
         claimed = 0.0 if math.isnan(sd) else CLAIMED * sd
         error = math.sqrt((squares + PRIOR * claimed**2) / (count - 1 + PRIOR) * (1 + 1 / count))
         away = place.x - self._first.x - mean_x, place.y - self._first.y - mean_y
-        distance, limit = math.hypot(*away), max(self._step, self._certainty * error) + slack
+        distance, limit = math.hypot(*away), max(self._step, self._certainty * error, slack)
         before, self._was_over = self._was_over, away if distance > limit else None
         self._error = error
-        self.probability = self._probability_beyond(distance - self._step)
+        self.probability = self._probability_of(distance - self._step / 2)
         if distance > CLEARLY * limit:
             return True
         if before is None:
@@ -195,23 +195,20 @@ class Track:
         return False
 
     def _look_for_slide(self, place: Place, allowed: float) -> None:
-        """Treat the movement as a slide once two consecutive positions exceed ``allowed`` by a step."""
+        """Treat the movement as a slide once two positions exceed ``allowed`` by half a step, or one by a step."""
         if self._offset is None:  # the position is measured differently since the last frame
             self._offset = self.shift[0] - place.x, self.shift[1] - place.y
         self.shift = self._offset[0] + place.x, self._offset[1] + place.y
-        excess = math.hypot(*self.shift) - allowed - self._step
-        is_far, was_far = excess > 0, self._was_far
+        beyond = math.hypot(*self.shift) - allowed
+        is_far, was_far = beyond > BEYOND * self._step, self._was_far
         self._was_far = is_far
-        if not self.is_sliding and is_far and (was_far or excess > (CLEARLY - 1) * self._step):
+        if not self.is_sliding and is_far and (was_far or beyond > self._step):
             self.is_sliding = True
-            self.probability = self._probability_beyond(excess)
+            self.probability = self._probability_of(beyond)
 
-    def _probability_beyond(self, excess: float) -> float:
-        """Return the probability that a position is more than half a step beyond the limit.
-
-        ``excess`` is the distance beyond a limit of one step [m].
-        """
-        return _probability((excess + self._step / 2) / self._error) if self._error > 0 else 1.0
+    def _probability_of(self, distance: float) -> float:
+        """Return the probability that a measured ``distance`` [m] is not the noise of the positions."""
+        return _probability(distance / self._error) if self._error > 0 else 1.0
 
     def _let_follow(self, time: float) -> None:
         """Move positions that are old enough into the reference.
