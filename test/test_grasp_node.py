@@ -3,6 +3,7 @@
 In these tests, a pad stops sending shapes, sees only a part of a contact, or uses another clock.
 """
 
+import copy
 import math
 from functools import partial
 
@@ -17,6 +18,7 @@ from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import sides_message
 from tactile_node.ros.message_age import age_message, age_seconds
 from tactile_node.ros.qos import frames_qos
+from tactile_node.ros.shape_messages import PadShape
 from tactile_node.ros.time_messages import time_message
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
@@ -46,7 +48,7 @@ class Gripper(TimedBench):
         self._sequence = 0
         self._shape = good_shape()
         peer, qos = self.add('peer'), frames_qos(500, lossless)
-        self.add(self.timed(GraspNode)(parameter_overrides=[Parameter(*each) for each in parameters]))
+        self.node = self.add(self.timed(GraspNode)(parameter_overrides=[Parameter(*each) for each in parameters]))
         peer.create_subscription(Grasp, '/grasp', self._on_grasp, qos)
         self._publishers = {side: peer.create_publisher(ContactShape, f'/{side}/shape', qos) for side in BOTH}
         self.until_joined(lambda: peer.count_publishers('/grasp') and all(
@@ -107,6 +109,22 @@ def test_a_grasp_says_what_is_held_and_its_sides_are_made_while_subscribed_to(ma
     gripper.run_until(lambda grasp: heard, 'its sides')
     assert [side.class_name for side in heard[-1].sides] == ['square', 'square']
     assert list(heard[-1].side_states) == [Grasp.SIDE_TOUCHED] * 2 and heard[-1].header.frame_id == 'gripper'
+
+
+def test_the_waiting_shapes_of_both_pads_are_published_in_one_grasp(make_gripper):
+    gripper = make_gripper()
+    gripper.run_until(lambda grasp: grasp.fresh, 'a grasp of both')
+    since, sequence = gripper.steady(), gripper._sequence + 1
+    gripper._sequence = sequence
+
+    def accept_both() -> None:
+        for side in BOTH:
+            gripper.node.accept(side, PadShape(copy.copy(gripper.message(side))), since - AGE)
+
+    gripper.node._stages.chain.post(accept_both)
+    gripper.wait(PERIOD)
+    found = [grasp for _, grasp in gripper.grasps if sequence in grasp.sequences]
+    assert [list(grasp.sequences) for grasp in found] == [[sequence, sequence]] and found[0].fresh
 
 
 OFFSETS = [(0.0, 0.0), (3600.0, -86400.0)]
