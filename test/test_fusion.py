@@ -24,21 +24,20 @@ def feed(fusion, frames, start=0.0, period=PERIOD):
 
 
 def test_the_first_frame_is_taken_as_it_is():
-    fused = RecognitionFusion(FusionSettings(floor=1e-9)).update(5.0, Recognition.of(SQUARE))
+    fused = RecognitionFusion().update(5.0, Recognition.of(SQUARE))
     assert fused.recognition.shape is Shape.SQUARE
     assert fused.recognition.confidence == pytest.approx(0.6)
     assert (fused.since, fused.held, fused.frames) == (5.0, 0.0, 1)
 
 
-def test_frames_count_by_their_age_in_the_geometric_mean():
-    first, second = feed(RecognitionFusion(FusionSettings(memory=0.1, floor=1e-9)),
-                         [{Shape.SQUARE: 0.8, Shape.CIRCLE: 0.2}, {Shape.SQUARE: 0.5, Shape.CIRCLE: 0.5}],
-                         period=0.1 * math.log(2))
-    odds = (0.8 / 0.2) ** (1 / 3)  # the first frame has half of the weight of the second
-    assert second.recognition.confidence == pytest.approx(odds / (1 + odds), abs=1e-6)
+@pytest.mark.parametrize('period, kept', [(0.1 * math.log(1.25), 0.8), (0.4, 0.7)])
+def test_frames_count_by_their_age_and_on_a_slow_skin_by_their_number(period, kept):
+    first, second = feed(RecognitionFusion(), [{Shape.SQUARE: 0.8, Shape.CIRCLE: 0.2},
+                                               {Shape.SQUARE: 0.6, Shape.CIRCLE: 0.4}], period=period)
+    assert second.recognition.confidence == pytest.approx((kept * 0.8 + 0.6) / (kept + 1))
 
 
-@pytest.mark.parametrize('period', [0.005, 0.01, 0.02])
+@pytest.mark.parametrize('period', [0.005, 0.01, 0.02, 0.1, 0.5])
 def test_a_change_is_followed_within_the_stated_frames_and_not_by_one(period):
     settings = FusionSettings()
     fusion = RecognitionFusion(settings)
@@ -65,7 +64,7 @@ def test_a_stamp_that_jumps_starts_again(stamp):
     assert fusion.update(stamp, Recognition.of(CIRCLE)).recognition.shape is Shape.CIRCLE
 
 
-@pytest.mark.parametrize('wrong', [{'memory': 0.0}, {'floor': 0.5}, {'switch': 9.0}, {'max_gap': float('nan')}])
+@pytest.mark.parametrize('wrong', [{'memory': 0.0}, {'switch': 0.9}, {'switch': 3.0}, {'max_gap': float('nan')}])
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(ConfigurationError):
         FusionSettings(**wrong)
@@ -86,12 +85,28 @@ def test_an_unseen_frame_is_reported_at_once_and_adds_no_evidence():
 @pytest.mark.parametrize('frame', [
     Recognition.of({Shape.SQUARE: 0.75, Shape.RECTANGLE: 0.25}),
     Recognition.mean_of((0.75, 0.25), [Recognition.certain(Shape.SQUARE), Recognition.certain(Shape.RECTANGLE)])])
-def test_no_number_of_frames_is_surer_than_each_frame(frame):
+def test_no_number_of_frames_makes_a_repeated_answer_surer(frame):
     """All frames show the same skin and the same hidden taxels, so most of their errors are the same."""
     fusion = RecognitionFusion()
     for k in range(200):
         found = fusion.update(k * PERIOD, frame)
     assert found.recognition.shape is Shape.SQUARE and found.recognition.confidence == pytest.approx(0.75, abs=0.01)
+
+
+@pytest.mark.parametrize('second', [{Shape.SQUARE: 0.84, Shape.UNKNOWN: 0.16},
+                                    {Shape.SQUARE: 0.84, Shape.CIRCLE: 0.16}])
+def test_frames_that_differ_are_no_surer_than_the_surest(second):
+    """The rest of the probability of each frame belongs to another class."""
+    fusion, frames = RecognitionFusion(), [{Shape.SQUARE: 0.89, Shape.RECTANGLE: 0.11}, second]
+    found = feed(fusion, frames * 100, period=0.02)
+    assert all(each.recognition.shape is Shape.SQUARE and each.recognition.confidence < 0.8901 for each in found)
+
+
+@pytest.mark.parametrize('period', [0.02, 0.1, 0.2, 0.4])
+def test_one_wrong_frame_in_ten_neither_changes_the_name_nor_makes_another_sure(period):
+    right, wrong = {Shape.SQUARE: 0.97, Shape.CIRCLE: 0.03}, {Shape.CIRCLE: 0.97, Shape.SQUARE: 0.03}
+    found = feed(RecognitionFusion(), [*[right] * 10, *[wrong, *[right] * 9] * 20], period=period)
+    assert {each.recognition.shape for each in found} == {Shape.SQUARE}
 
 
 @pytest.mark.parametrize('is_doubted', [lambda k: False, lambda k: True, lambda k: k % 2 == 0, lambda k: k % 5 < 2])

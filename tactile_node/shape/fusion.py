@@ -1,14 +1,13 @@
 """Fuse the recognitions of successive frames into a result that is more stable than a single frame.
 
-The fused probability of a class is the geometric mean over the frames, scaled so that all classes sum to 1. A frame of
-age ``t`` has the weight ``exp(-t / memory)``. The mean evens out the noise of single frames, but no number of frames
-makes a result surer than the frames are. All frames of a contact come from the same skin, the same outline and the same
-hidden taxels, so most of their errors are the same. A product over the frames, following Bayes' rule for independent
-errors, was sure of twice as many contacts with none of the five shapes (docs/pose.md).
+The fused probability of a class is the weighted mean over the frames. The weight of a frame falls with its age. The
+mean evens out the noise of single frames, but no number of frames makes a result surer than the surest frame. All
+frames of a contact come from the same skin, the same outline and the same hidden taxels, so most of their errors are
+the same. A product over the frames, following Bayes' rule for independent errors, was sure of twice as many contacts
+with none of the five shapes (docs/pose.md).
 
-The object may change. ``floor`` therefore limits the effect of a single frame, and the result follows a change after at
-most `FusionSettings.frames_to_follow` frames that agree. When a contact begins or ends, the fusion starts again
-immediately.
+The object may change. The result follows a change after at most `FusionSettings.frames_to_follow` frames that agree.
+When a contact begins or ends, the fusion starts again immediately.
 
 A frame in which the contact is not seen adds no evidence. Such a frame is reported as not seen, and the evidence of
 earlier frames is kept for the next frame.
@@ -25,6 +24,9 @@ import numpy as np
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, UnknownReason
 
+#: Smallest weight of a frame relative to the next frame. On a slow skin, several frames are therefore fused, too.
+LEAST_KEPT = 0.7
+
 TOUCHING_CLASSES: tuple[ShapeClass, ...] = tuple(shape for shape in Shape if shape is not Shape.NONE)
 
 
@@ -38,33 +40,33 @@ class FusionSettings:
         Raised if a value is out of range.
     """
 
-    memory: float = 0.1    #: time constant with which the weight of a frame falls [s]
-    floor: float = 0.001   #: smallest probability that a frame can give to a class
-    switch: float = 0.4    #: lead that another class needs before it is reported instead [log-odds]
-    max_gap: float = 0.5   #: silence after which the fusion starts again [s]
+    memory: float = 0.1   #: time constant with which the weight of a frame falls [s]
+    switch: float = 1.1   #: factor by which another class must be more probable before it is reported instead
+    max_gap: float = 0.5  #: silence after which the fusion starts again [s]
 
     def __post_init__(self) -> None:
-        values = (self.memory, self.floor, self.max_gap)
-        if not (all(0 < value < float('inf') for value in values) and self.floor < 1 / len(TOUCHING_CLASSES)
-                and 0 <= self.switch < 1):
-            raise ConfigurationError(
-                'fusion settings', expected=f'times > 0, floor below 1/{len(TOUCHING_CLASSES)}, 0 <= switch < 1',
-                got=str(self), remedy='Omit these settings to use the defaults.')
+        if not (all(0 < value < float('inf') for value in (self.memory, self.max_gap)) and 1 <= self.switch < 3):
+            raise ConfigurationError('fusion settings', expected='times > 0, 1 <= switch < 3', got=str(self),
+                                     remedy='Omit these settings to use the defaults.')
+
+    def kept(self, period: float) -> float:
+        """Return the weight of a frame relative to a frame that follows it after ``period`` [s]."""
+        return max(exp(-period / self.memory), LEAST_KEPT)
 
     def frames_to_follow(self, period: float, odds: float = 10.0) -> int:
-        """Return the largest number of frames until a new shape is reported, however long the old shape was held.
+        """Return the largest number of recognised frames until a new shape is reported.
 
         Parameters
         ----------
         period : float
             Time between frames [s].
         odds : float
-            Smallest odds, 3 to 100, that each frame gives to the new shape against every other shape.
+            Smallest odds, 3 to 100, that each frame gives to the new shape against all other classes together.
         """
-        # The old frames give the old shape at most -log(floor), and keep exp(-n * period / memory) of the weight after
-        # n frames. The new frames have the rest of the weight.
-        kept = (log(odds) - self.switch) / (log(odds) - log(self.floor))
-        return max(1, ceil(-log(kept) * self.memory / period))
+        # After n frames, the old frames keep the share kept ** n of the weight. They give the old shape a probability
+        # of 1 at most.
+        share = (odds - self.switch) / (odds - self.switch + (1 + odds) * self.switch)
+        return max(1, ceil(log(share) / log(self.kept(period))))
 
 
 class FusedRecognition(NamedTuple):
@@ -137,34 +139,25 @@ class RecognitionFusion:
         self._add(frame, passed)
         if frame.shape is Shape.UNKNOWN:
             self._reason = frame.reason
-        shares = self._shares()
-        return self._report(stamp, self._chosen(), Recognition.of(dict(zip(self._touching, shares.tolist()))))
+        mean = self._evidence / self._evidence.sum()
+        return self._report(stamp, self._chosen(), Recognition.of(dict(zip(self._touching, mean.tolist()))))
 
     def _start(self, touching: tuple[ShapeClass, ...]) -> None:
         self._touching = touching
-        self._evidence = np.zeros(len(touching))  # weighted sum of the log-probabilities
-        self._weight = 0.0                        # sum of the weights
+        self._evidence = np.zeros(len(touching))  # weighted sum of the probabilities
 
     def _add(self, frame: Recognition, passed: float) -> None:
-        fading = exp(-passed / self._settings.memory)
         seen = np.array([frame.probabilities[shape] for shape in self._touching])
-        self._evidence = fading * self._evidence + np.log(np.maximum(seen, self._settings.floor))
-        self._weight = fading * self._weight + 1.0
-
-    def _shares(self) -> np.ndarray:
-        """Return the probability of each class."""
-        mean = self._evidence / self._weight
-        odds = np.exp(mean - mean.max())
-        shares: np.ndarray = odds / odds.sum()
-        return shares
+        self._evidence = self._settings.kept(passed) * self._evidence + seen
 
     def _chosen(self) -> ShapeClass:
         """Return the leading class, or the class that was reported last if it is close behind."""
-        ahead = self._touching[int(self._evidence.argmax())]
-        if self._shape is None or self._shape in (Shape.NONE, ahead):
-            return ahead
-        lead = (self._evidence.max() - self._evidence[self._touching.index(self._shape)]) / self._weight
-        return ahead if lead >= self._settings.switch else self._shape
+        ahead = int(self._evidence.argmax())
+        if self._shape is None or self._shape is Shape.NONE:
+            return self._touching[ahead]
+        reported = self._touching.index(self._shape)
+        is_clear = self._evidence[ahead] > self._settings.switch * self._evidence[reported]
+        return self._touching[ahead if is_clear else reported]
 
     def _report(self, stamp: float, shape: ShapeClass, belief: Recognition) -> FusedRecognition:
         if shape is not self._shape or not self._frames:

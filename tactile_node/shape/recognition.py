@@ -78,10 +78,10 @@ class Recognition(NamedTuple):
     def is_evidence(self) -> bool:
         """True if the result contains evidence about the object, and False if the contact was not seen.
 
-        A contact that is partly hidden is seen if its visible part has been recognised, so that UNKNOWN is not certain.
+        A contact that is partly hidden counts as seen unless UNKNOWN has the probability 1.
         """
         if self.reason is UnknownReason.NOT_SEEN:
-            return self.confidence < 1
+            return self.confidence < 1 - 1e-9
         return self.reason is not UnknownReason.COVERS_PAD
 
     @classmethod
@@ -131,7 +131,7 @@ class Recognition(NamedTuple):
         Parameters
         ----------
         most : float
-            Factor by which all probabilities are reduced, above 0.5. UNKNOWN gets the rest.
+            Factor for all probabilities, above 0.5. UNKNOWN gets the rest.
         doubt : UnknownReason
             Reason why the shape is uncertain.
         """
