@@ -204,7 +204,8 @@ class BusFacts:
     unread_log_lines: int = counter('damaged lines of a replayed log, which were skipped', is_loss=True)
     unrecorded_can_frames: int = counter(
         'CAN frames missing from the recording, because writing failed or the format cannot hold them', is_loss=True)
-    error_frames: int = counter('error frames reported by the CAN controller', is_loss=True)
+    error_frames: int = counter(
+        'error frames reported by the CAN controller; with slcan, damaged lines of the serial port', is_loss=True)
     clock_jumps: int = counter('times the wall clock was set; the stamps never go back', is_loss=True)
     outages: int = counter('periods in which the bus did not work')
     foreign_nmt_commands: int = counter("NMT commands of another master to this driver's nodes")
