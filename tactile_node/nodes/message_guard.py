@@ -37,7 +37,8 @@ class MessageGuard(Generic[Message]):
     The subclasses `GuardedSubscription` and `StageInput` receive the messages.
 
     Messages that cannot be used are dropped, counted by reason and logged. If the processing function raises an
-    exception, the guard logs the traceback and counts the message as PROCESSING_FAILED.
+    exception, the guard logs the traceback and counts the message as PROCESSING_FAILED. If only publishing the result
+    failed, the next stage of the process has used the result all the same.
 
     Messages of the processing chain have a stamp, an age and a sequence number. The guard counts gaps in the sequence.
     Except in a lossless replay, the guard drops a message whose stamp is too far ahead of the earlier stamps. A topic
