@@ -52,7 +52,7 @@ class PlannerChain:
         """Process one frame for each pad in ``values``, acquired at ``now``, and return the grasp DELAY later."""
         for side, frame in values.items():
             self._latest[side], self._times[side] = self._pads[side].shape(frame, now), now
-            self._tracker.update(side, side_result(self._latest[side], now), now + DELAY, gap)
+            self._tracker.update(side, side_result(self._latest[side], now), now + DELAY)
         sent = now + DELAY
         message = grasp_message(self._tracker.state(sent, gap), [self._latest[side] for side in SIDES],
                                 Opening(gap, GapSource.PARAMETER, 0.0), 'gripper',

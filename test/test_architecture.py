@@ -148,10 +148,20 @@ def test_the_picture_shows_the_imports_of_today():
 def test_every_station_of_a_can_frame_exists():
     page = (ROOT / 'docs/architecture.md').read_text(encoding='utf-8')
     stations = re.findall(r'^\| \d+ \| `([\w/.]+)` `(\w+)\.(\w+)` ', page, re.MULTILINE)
-    assert len(stations) == 12
+    assert len(stations) == 13
     for path, kind, method in stations:
         source = (PACKAGE / path).read_text(encoding='utf-8')
         assert f'class {kind}' in source and f'def {method}(' in source, (path, kind, method)
+
+
+def test_each_counter_of_a_lost_frame_exists():
+    page = (ROOT / 'docs/architecture.md').read_text(encoding='utf-8')
+    losses = page.partition('can be lost at these stations:')[2].partition('An adapter or a device')[0]
+    counters = [name for row in losses.splitlines()[4:] if row for name in re.findall(r'`(\w+)`', row.split('|')[3])]
+    assert len(counters) > 10
+    sources = (PACKAGE / name for name in ('assembly/facts.py', 'ros/message_health.py', 'skin/taxel_array.py'))
+    known = ''.join(path.read_text(encoding='utf-8').lower() for path in (*sources, *(ROOT / 'msg').iterdir()))
+    assert not [name for name in counters if name.removeprefix('dropped_') not in known]
 
 
 def test_each_file_to_read_defines_its_classes():

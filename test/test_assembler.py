@@ -276,7 +276,7 @@ def test_a_free_bus_at_the_due_time_of_an_answer_proves_that_there_is_no_answer(
     if taken is not None:
         bus.saw_tpdo(taken)
     for stamp in foreign:
-        bus.saw_other(stamp)
+        bus.saw_frame(stamp)
     bus.sync(1.02)
     assert bus.nothing_pending(until) == is_over
 

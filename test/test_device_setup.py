@@ -209,8 +209,8 @@ def monitored(heartbeat_time: float | None) -> tuple[NodeMonitor, BusMonitor, Pa
     """
     bus = BusMonitor([32])
     node = NodeMonitor(NODE, bus, 0.5, 0.5)
-    node.configured(node.setup, 0.0, DeviceAsSet(heartbeat_ms=None if heartbeat_time is None
-                                                 else round(1000 * heartbeat_time)))
+    node.configured(node.trust.setup, 0.0, DeviceAsSet(heartbeat_ms=None if heartbeat_time is None
+                                                       else round(1000 * heartbeat_time)))
     pad = PadFacts(used_by_node=(0,), distinct_by_tpdo=((0,) * 32,),
                    fresh_by_tpdo=((0,) * 32,))
     return node, bus, pad

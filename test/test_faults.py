@@ -54,6 +54,31 @@ def test_sequence_numbers_of_an_outage_of_the_bus_are_left_out():
     assert 1.0 / PERIOD <= after.sequence - before.sequence <= (after.stamp - before.stamp) / PERIOD + 1
 
 
+@pytest.mark.parametrize('is_stopped_later', [False, True])
+def test_an_outage_of_a_stopped_driver_adds_no_sequence_numbers_to_the_next_outage(is_stopped_later):
+    """The first outage begins before the driver is started, or the driver is stopped during the first outage."""
+    with FaultBench(f'stopped {is_stopped_later}') as bench:
+        if is_stopped_later:
+            bench.run()
+        else:
+            bench.driver.open()
+            bench.driver.configure()
+        bench.adapter.is_plugged = False
+        bench.wait(lambda: bench.driver.facts().outage_seconds > 0.2, 'not failed')
+        bench.driver.stop()
+        bench.adapter.mend()
+        bench.wait(lambda: bench.driver.failure is None, 'not reopened')
+        bench.kept.clear()  # the sequence starts again
+        bench.driver.start()
+        bench.wait_for_whole('pad32')
+        bench.adapter.is_plugged = False
+        bench.wait(lambda: bench.driver.facts().outages == 2, 'not failed again')
+        bench.repair()
+        frames = [frame for _, frame in bench.kept]
+    before, after = max(zip(frames, frames[1:]), key=lambda pair: pair[1].sequence - pair[0].sequence)
+    assert 0 < after.sequence - before.sequence <= (after.stamp - before.stamp) / PERIOD + 1
+
+
 def test_one_recording_holds_both_sides_of_an_outage(tmp_path):
     record = tmp_path / 'session.log'
     with FaultBench('recorded', record=str(record)) as bench:

@@ -42,9 +42,9 @@ def unseen(time):
 def run(tracker, times, gap=0.04, left=touch, right=touch):
     """Feed results of both sides, each received PATH after its acquisition, and return the last state."""
     for time in times:
-        tracker.update('left', left(time), time + PATH, gap)
-        state = tracker.update('right', right(time), time + PATH, gap)
-    return state
+        tracker.update('left', left(time), time + PATH)
+        tracker.update('right', right(time), time + PATH)
+    return tracker.state(time + PATH, gap)
 
 
 def until(end, begin=0.0):
@@ -90,7 +90,8 @@ def test_a_result_that_is_too_old_is_unseen(state):
     tracker = GraspTracker(SETTINGS)
     for time in until(0.3):
         tracker.update('left', touch(time), time + PATH)
-        found = tracker.update('right', RESULT[state](time), time + 0.26)
+        tracker.update('right', RESULT[state](time), time + 0.26)
+        found = tracker.state(time + 0.26)
     assert found.side_states[1] is U and found.contact is GraspContact.UNSEEN and not found.fresh
 
 
@@ -98,7 +99,8 @@ def test_a_result_of_unknown_age_is_unseen():
     for result in (empty, touch):
         tracker = GraspTracker(SETTINGS)
         tracker.update('left', empty(0.0), 0.0)
-        state = tracker.update('right', result(-np.inf), 0.0)
+        tracker.update('right', result(-np.inf), 0.0)
+        state = tracker.state(0.0)
         assert state.side_states == (E, U) and state.contact is GraspContact.UNSEEN and not state.fresh
 
 
@@ -127,7 +129,8 @@ def test_sides_of_different_times_are_not_fresh():
     tracker = GraspTracker(SETTINGS)
     for time in until(1.0):
         tracker.update('left', touch(time), time + PATH)
-        state = tracker.update('right', touch(time - 0.06), time + PATH)
+        tracker.update('right', touch(time - 0.06), time + PATH)
+        state = tracker.state(time + PATH)
     assert not state.fresh and not state.stable and state.contact is GraspContact.TWO_SIDED and state.line is None
 
 
@@ -195,7 +198,8 @@ def test_results_that_were_held_back_are_never_fresh():
     states = []
     for time in until(2.2, begin=2.0):
         for side in ('left', 'right'):
-            states.append(tracker.update(side, touch(time), 7.0 + time / 1000))
+            tracker.update(side, touch(time), 7.0 + time / 1000)
+            states.append(tracker.state(7.0 + time / 1000))
     assert not any(state.fresh or state.stable or state.line for state in states)
     assert {state.contact for state in states} == {GraspContact.UNSEEN}
 
@@ -235,7 +239,8 @@ def test_back_after_a_silence_it_holds_from_then():
     assert run(tracker, until(1.0)).stable
     for time in until(1.2, begin=1.0):
         tracker.update('left', touch(time), time + PATH)
-    state = tracker.update('right', touch(1.18), 1.18 + PATH)
+    tracker.update('right', touch(1.18), 1.18 + PATH)
+    state = tracker.state(1.18 + PATH)
     assert state.fresh and not state.stable and state.held == 0.0
 
 

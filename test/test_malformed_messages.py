@@ -123,7 +123,8 @@ def good_grasp(sequence=0) -> Grasp:
     tracker, side = GraspTracker(), good_shape(sequence)
     opening = Opening(0.04, GapSource.PARAMETER, 1.0)
     tracker.update('left', side_result(side, 5.0), now=5.0)
-    state = tracker.update('right', side_result(side, 5.0), now=5.0, gap=opening.gap)
+    tracker.update('right', side_result(side, 5.0), now=5.0)
+    state = tracker.state(5.0, opening.gap)
     return grasp_message(state, [side, side], opening, 'gripper', ages=(0.02, 0.01), gripper=Gripper())
 
 
@@ -726,7 +727,8 @@ def test_the_tracker_refuses_values_that_are_not_finite_and_keeps_its_state():
             tracker.update('left', result, now=0.02)
     with pytest.raises(InputError):
         tracker.update('left', good, now=NAN)
-    state = tracker.update('left', good, now=0.02)
+    tracker.update('left', good, now=0.02)
+    state = tracker.state(0.02)
     assert state.fresh and state.line is not None
 
 

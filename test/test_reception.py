@@ -79,13 +79,14 @@ def test_an_exception_over_a_batch_is_logged_and_neither_ends_the_reception_nor_
 
 def test_an_exception_of_the_assembler_is_logged_and_costs_one_call_alone(monkeypatch, caplog):
     bus = Clocked(monkeypatch, queue_limit=1)
-    saw_other = bus.traffic._router.free_bus.saw_other
-    monkeypatch.setattr(bus.traffic._router.free_bus, 'saw_other', lambda *given: 1 / 0)
+    free_bus = bus.traffic._router.free_bus
+    was_unobserved = free_bus.was_unobserved
+    monkeypatch.setattr(free_bus, 'was_unobserved', lambda *given: 1 / 0)
     bus.received(1.0)
     done = threading.Event()
     bus.traffic.chain.post(done.set)
     assert done.wait(60) and 'ZeroDivisionError' in caplog.text and 'Traceback' in caplog.text
-    monkeypatch.setattr(bus.traffic._router.free_bus, 'saw_other', saw_other)
+    monkeypatch.setattr(free_bus, 'was_unobserved', was_unobserved)
     assert wait_until(bus.received(2.0))
     assert bus.traffic.overruns == 0  # The queue accepts messages again.
 
@@ -149,7 +150,9 @@ class Clocked:
     def __init__(self, monkeypatch, queue_limit=99):
         self.spans, self.steady = [], 1000.0
         monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
-        bus = SimpleNamespace(saw_other=lambda stamp, seconds=None: self.spans.append(seconds))
+        bus = SimpleNamespace(was_unobserved=lambda until, seconds: self.spans.append(seconds),
+                              saw_frame=lambda stamp: self.spans.append(None),
+                              saw_error=lambda: self.spans.append(inf))
         router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None)
         monitor = BusMonitor([])
         self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True,

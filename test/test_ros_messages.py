@@ -209,7 +209,8 @@ def test_a_number_and_a_name_that_contradict_each_other_are_rejected(number, nam
 def test_two_taught_shapes_are_the_same_by_their_names_not_by_their_number(right, same):
     sides, tracker = [shape(block(6, 6), TaughtShape(name)) for name in ('plug', right)], GraspTracker()
     tracker.update('left', side_result(sides[0], 5.0), now=5.0)
-    state = tracker.update('right', side_result(sides[1], 5.0), now=5.0, gap=0.04)
+    tracker.update('right', side_result(sides[1], 5.0), now=5.0)
+    state = tracker.state(5.0, 0.04)
     grasp = grasp_message(state, sides, Opening(0.04, GapSource.PARAMETER, 0.0), 'gripper', (0.1, 0.1), Gripper())
     assert grasp.same_shape is same and check_grasp(grasp) is None
     named = (ContactShape.OTHER, 'plug') if same else (ContactShape.UNKNOWN, 'unknown')
@@ -222,7 +223,8 @@ def test_two_pads_become_one_grasp():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
     opening = Opening(0.0, GapSource.JOINT_STATES, 0.25)
     tracker.update('left', side_result(message, 5.0), now=5.0)
-    state = tracker.update('right', side_result(message, 5.0), now=5.0, gap=opening.gap)
+    tracker.update('right', side_result(message, 5.0), now=5.0)
+    state = tracker.state(5.0, opening.gap)
     grasp = grasp_message(state, [message, message], opening, 'gripper', (0.5, 0.4), Gripper())
     assert grasp.age.nanosec == 500_000_000
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh and grasp.same_shape and not grasp.stable
@@ -243,7 +245,8 @@ def test_the_object_of_a_grasp_follows_from_both_pads():
     side.force_sd, side.sequence, side.hidden_taxels, side.hidden_ring_taxels = 0.02, 7, 2, 3
     side.saturated_taxels, side.saturated_ring_taxels = 4, 1
     tracker.update('left', side_result(side, 5.0), now=5.0)
-    state = tracker.update('right', side_result(side, 5.0), now=5.0)
+    tracker.update('right', side_result(side, 5.0), now=5.0)
+    state = tracker.state(5.0)
     grasp = grasp_message(state, [side, side], UNKNOWN_OPENING, 'gripper', (0.1, 0.1), Gripper())
     assert check_grasp(grasp) is None
     assert (grasp.shape, grasp.class_name) == (ContactShape.RECTANGLE, 'rectangle')
@@ -312,7 +315,8 @@ def test_a_receiver_of_grasps_knows_their_age_at_any_period(period):
 def test_a_grasp_without_an_opening_has_no_width_and_marks_it_as_unknown():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
     tracker.update('left', side_result(message, 5.0), now=5.0)
-    state = tracker.update('right', side_result(message, 5.0), now=5.0)
+    tracker.update('right', side_result(message, 5.0), now=5.0)
+    state = tracker.state(5.0)
     grasp = grasp_message(state, [message, message], UNKNOWN_OPENING, 'gripper', (math.inf, math.inf), Gripper())
     assert math.isinf(age_seconds(grasp.age))
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh
@@ -332,7 +336,8 @@ def test_one_touched_pad_gives_no_line():
     message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
     empty = shape(np.zeros((16, 16), np.float32), Shape.NONE)
     tracker.update('left', side_result(message, 5.0), now=5.0)
-    state = tracker.update('right', side_result(empty, 5.0), now=5.0)
+    tracker.update('right', side_result(empty, 5.0), now=5.0)
+    state = tracker.state(5.0)
     grasp = grasp_message(state, [message, empty], UNKNOWN_OPENING, 'gripper', (0.0, 0.0), Gripper())
     assert grasp.contact == Grasp.ONE_SIDED and math.isnan(grasp.width) and math.isnan(grasp.midpoint.x)
 

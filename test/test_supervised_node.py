@@ -154,7 +154,7 @@ def test_a_device_that_is_another_one_is_not_trusted(clock, error, is_trusted):
     device.error = error('node 32', **REASON)
     device.run(0.6)
     assert device.requests[0] == 'configure' and 'start' not in device.requests
-    assert device.node.monitor.is_trusted == is_trusted
+    assert device.node.monitor.trust.is_trusted == is_trusted
 
 
 def test_two_devices_that_answer_are_reported_and_left_alone(clock, caplog):

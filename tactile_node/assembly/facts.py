@@ -148,7 +148,8 @@ class PadFacts:
     tpdos_received: int = counter('TPDOs received, valid or not')
     #: TPDOs longer than their mapping, but at most 8 bytes long
     tpdos_padded: int = counter('TPDOs longer than the layout maps, up to 8 bytes; their first bytes are used')
-    tpdos_used: int = counter('TPDOs whose taxels were published as valid')
+    tpdos_used: int = counter(
+        'TPDOs used for published taxel frames, even if a frame then lacks their values (frames_distrusted)')
     tpdos_pending: int = 0  #: TPDOs that may still be used or lost
     losses: Mapping[LossReason, int] = field(default_factory=dict)  #: number of TPDOs lost for each reason
     nodes: tuple[NodeFacts, ...] = ()  #: CANopen nodes of the pad; empty for a log
@@ -168,7 +169,7 @@ class PadFacts:
 
     @property
     def missing(self) -> int:
-        """Number of expected TPDOs that delivered no valid taxels."""
+        """Number of expected TPDOs that were used for no published taxel frame."""
         return self.tpdos_expected - self.tpdos_used
 
     @property
@@ -204,7 +205,8 @@ class BusFacts:
     unread_log_lines: int = counter('damaged lines of a replayed log, which were skipped', is_loss=True)
     unrecorded_can_frames: int = counter(
         'CAN frames missing from the recording, because writing failed or the format cannot hold them', is_loss=True)
-    error_frames: int = counter('error frames reported by the CAN controller', is_loss=True)
+    error_frames: int = counter(
+        'error frames reported by the CAN controller; with slcan, damaged lines of the serial port', is_loss=True)
     clock_jumps: int = counter('times the wall clock was set; the stamps never go back', is_loss=True)
     outages: int = counter('periods in which the bus did not work')
     foreign_nmt_commands: int = counter("NMT commands of another master to this driver's nodes")

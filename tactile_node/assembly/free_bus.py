@@ -63,21 +63,17 @@ class FreeBus:
         self._since_before = stamp if stamp > self._due_before else self._due_before
         self._since = stamp if stamp > self._due else self._due
 
-    def saw_other(self, stamp: float, seconds: float | None = None) -> None:
-        """Record that other traffic may have occupied the bus before a given stamp.
+    def saw_frame(self, stamp: float) -> None:
+        """Record that a frame that does not answer SYNC was received at ``stamp`` [s]."""
+        self._occupy(stamp, self._frame_time)
 
-        Parameters
-        ----------
-        stamp : float
-            Stamp at which the other traffic ended [s].
-        seconds : float or None
-            Duration of the other traffic [s]; None for a single frame.
-        """
-        seconds = self._frame_time if seconds is None else seconds
-        if stamp > self._since_before:
-            self._since_before += seconds
-        if stamp > self._since:
-            self._since += seconds
+    def saw_error(self, stamp: float = inf) -> None:
+        """Record an error frame. The bus may have more errors, so no time before ``stamp`` [s] counts as free."""
+        self._occupy(stamp, inf)
+
+    def was_unobserved(self, until: float, seconds: float) -> None:
+        """Record that unknown frames may have occupied the bus for ``seconds`` [s] before the stamp ``until`` [s]."""
+        self._occupy(until, seconds)
 
     def nothing_pending(self, until: float) -> bool:
         """Return True if no node can still answer the second-to-last SYNC.
@@ -88,3 +84,10 @@ class FreeBus:
             Stamp up to which no further TPDO was received [s].
         """
         return until - self._since_before >= self._free_time
+
+    def _occupy(self, until: float, seconds: float) -> None:
+        """Exclude ``seconds`` [s] before the stamp ``until`` [s] from the time for which the bus was free."""
+        if until > self._since_before:
+            self._since_before += seconds
+        if until > self._since:
+            self._since += seconds

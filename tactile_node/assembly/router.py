@@ -3,7 +3,6 @@
 import logging
 from collections import Counter
 from dataclasses import replace
-from math import inf
 
 import can
 
@@ -130,7 +129,7 @@ class Router:
                 each.settle()
         owner = self._owners.get(can_id)
         if owner is None:
-            self.free_bus.saw_other(stamp)
+            self.free_bus.saw_frame(stamp)
             self._feed_other(can_id, stamp)
             return
         name, assembler = owner
@@ -138,7 +137,7 @@ class Router:
         if assembler.answers_sync:
             self.free_bus.saw_tpdo(stamp)
         else:
-            self.free_bus.saw_other(stamp)
+            self.free_bus.saw_frame(stamp)
         if self.is_running or assembler.answers_sync:  # pads without SYNC send even while the driver is inactive
             if frames := assembler.feed(can_id, data, stamp):
                 self._deliver(name, frames)
@@ -153,7 +152,8 @@ class Router:
             self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
         else:
             self._counts[kind] += 1
-            self.free_bus.saw_other(message.timestamp, inf if message.is_error_frame else None)
+            saw = self.free_bus.saw_error if message.is_error_frame else self.free_bus.saw_frame
+            saw(message.timestamp)
 
     def end(self) -> None:
         """End the last period of each pad, because no more CAN frames will follow."""

@@ -34,6 +34,9 @@ from tactile_node.skin.pads import CanopenNode, LivePad, check_pads, live_pads
 
 logger = logging.getLogger(__name__)
 
+#: Interfaces that stamp each CAN frame on arrival, with the wall clock of this host.
+STAMPED_ON_ARRIVAL = ('socketcan', 'virtual')
+
 
 class SkinBus:
     """One CAN bus and its pads.
@@ -79,14 +82,12 @@ class SkinBus:
         self.devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
         self._polls = {node.node_id: self._polling(node, node.layout.domain)
                        for node in self._nodes if node.layout.domain is not None}
-        # True if one clock stamps the TPDOs and our SYNC
-        is_stamped_on_arrival = settings.interface in ('socketcan', 'virtual')
         self._router = Router(self._pads, on_frame, foreign_sync=not settings.produce_sync,
-                              one_clock=not settings.produce_sync or is_stamped_on_arrival,
+                              one_clock=_is_one_clock(settings),
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
         self.traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                queue_limit=settings.queue_limit, sync_period=settings.sync_period,
-                               is_host_stamped=is_stamped_on_arrival or settings.interface == 'slcan', chain=chain)
+                               is_host_stamped=settings.interface in (*STAMPED_ON_ARRIVAL, 'slcan'), chain=chain)
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
@@ -319,3 +320,17 @@ class SkinBus:
         logger.error('CAN bus %s %s has failed: %s. Repair it, then deactivate, clean up and configure the driver '
                      'again.', self._settings.interface, self._settings.channel, failure,
                      extra={'fact': failure.fault})
+
+
+def _is_one_clock(settings: BusSettings) -> bool:
+    """Return True if one clock stamps TPDOs and SYNC, so that rule 9 of `sync_assembler` holds.
+
+    If another device produces SYNC, the rule holds for every interface, because SYNC and TPDOs are received and stamped
+    in the same way. If this driver produces SYNC, the wall clock of this host stamps SYNC. The rule then holds only for
+    interfaces that stamp TPDOs on arrival with the same clock. It does not hold for the others:
+
+    - With slcan, TPDOs are stamped when they are read. A TPDO that arrived before SYNC, but is read after SYNC, has a
+      later stamp than SYNC. The stamps therefore do not show the order on the bus.
+    - Other adapters stamp with their own clock, whose offset is known only approximately (`StampClock`).
+    """
+    return not settings.produce_sync or settings.interface in STAMPED_ON_ARRIVAL

@@ -22,9 +22,9 @@ from tactile_node.errors import BusError
 
 logger = logging.getLogger(__name__)
 
-#: Placeholder COB-ID in the queue for a message that is not a data frame with an 11-bit identifier. Such a message only
-#: occupies the bus. An error frame also has the placeholder stamp inf, because no time before it counts as free.
-NO_DATA = -1
+# Placeholder COB-IDs in the queue for messages that only occupy the bus.
+OTHER_FRAME = -1  #: for a remote frame, a CAN FD frame, or a frame with a 29-bit identifier
+ERROR_FRAME = -2  #: for an error frame
 
 
 class Traffic:
@@ -112,15 +112,14 @@ class Traffic:
                 can_frames.append((can_id, data, self.clock.of(message.timestamp)))
             else:
                 self._count_other(kind, message)
-                # the bus may have more errors than the controller reports
-                stamp = inf if message.is_error_frame else self.clock.of(message.timestamp)
-                can_frames.append((NO_DATA, b'', stamp))
+                can_frames.append((ERROR_FRAME, b'', inf) if message.is_error_frame
+                                  else (OTHER_FRAME, b'', self.clock.of(message.timestamp)))
         if self._posted - self._fed + len(can_frames) <= self._queue_limit:
             self._posted += len(can_frames)
             self.chain.post(self._feed, can_frames, self._arrival(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
-            self.overruns += sum(can_id != NO_DATA for can_id, _, _ in can_frames)
+            self.overruns += sum(can_id >= 0 for can_id, _, _ in can_frames)
 
     def _arrival(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
@@ -150,15 +149,15 @@ class Traffic:
         """
         self._fed += len(can_frames)
         for can_id, data, stamp in can_frames:
-            if stamp == inf:
-                self._router.free_bus.saw_other(inf, inf)
+            if can_id == ERROR_FRAME:
+                self._router.free_bus.saw_error()
                 continue
             after, until = arrival or (stamp, stamp)
             not_free = max(0.0, after - self._last_arrival - most_free)
-            self._router.free_bus.saw_other(after, not_free)
+            self._router.free_bus.was_unobserved(after, not_free)
             self._last_arrival = until
-            if can_id == NO_DATA:
-                self._router.free_bus.saw_other(stamp)
+            if can_id == OTHER_FRAME:
+                self._router.free_bus.saw_frame(stamp)
             else:
                 self._router.feed(can_id, data, stamp, after)
 

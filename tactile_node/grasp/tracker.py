@@ -117,8 +117,8 @@ class GraspTracker:
         self._settings = settings
         self._sides = {side: _Side(settings) for side in SIDES}
 
-    def update(self, side: str, result: SideResult, now: float, gap: float = np.nan) -> GraspState:
-        """Add the result of a side, and return the state of the grasp.
+    def update(self, side: str, result: SideResult, now: float) -> None:
+        """Add the result of a side.
 
         Parameters
         ----------
@@ -128,8 +128,6 @@ class GraspTracker:
             Result of this side.
         now : float
             Time at which the result was received [s].
-        gap : float
-            Opening of the gripper [m], or NaN if unknown.
 
         Raises
         ------
@@ -146,7 +144,6 @@ class GraspTracker:
                              got=f'{result.time}, {now}, {result.centre}',
                              remedy='Pass None for an unknown centre, and -inf as the time if the age is unknown.')
         self._sides[side].update(result, now)
-        return self.state(now, gap)
 
     def silence_limit(self, side: str) -> float:
         """Return the time without a result after which ``side`` is no longer current [s]."""

@@ -37,7 +37,8 @@ class MessageGuard(Generic[Message]):
     The subclasses `GuardedSubscription` and `StageInput` receive the messages.
 
     Messages that cannot be used are dropped, counted by reason and logged. If the processing function raises an
-    exception, the guard logs the traceback and counts the message as PROCESSING_FAILED.
+    exception, the guard logs the traceback and counts the message as PROCESSING_FAILED. If only publishing the result
+    failed, the next stage of the process has used the result all the same.
 
     Messages of the processing chain have a stamp, an age and a sequence number. The guard counts gaps in the sequence.
     Except in a lossless replay, the guard drops a message whose stamp is too far ahead of the earlier stamps. A topic
@@ -133,7 +134,7 @@ class MessageGuard(Generic[Message]):
         """
         self._received += 1
         try:
-            reason = (self._check_type(message) or (self._check(message) if acquired is None else None)
+            reason = (self._check_type(message, acquired) or (self._check(message) if acquired is None else None)
                       or self._check_sender(message))
             if reason is None:
                 self._note(message, acquired)
@@ -167,16 +168,18 @@ class MessageGuard(Generic[Message]):
             raise error
         self._drop(RejectReason.PROCESSING_FAILED, error)
 
-    def _check_type(self, message: Any) -> RejectReason | None:
+    def _check_type(self, message: Any, acquired: float | None) -> RejectReason | None:
         """Return OTHER_TYPE if a publisher uses another version of the message type.
 
-        The types are read again only if the publishers may have changed: if their number differs, or if the sequence
-        has a gap that overtaken frames do not explain.
+        The types are read again only if the publishers may have changed: if their number differs, if the sequence of
+        the messages has a gap that overtaken frames do not explain, or as long as a publisher uses another version. A
+        result of this process is never decoded, so a gap before it is no reason to read the types.
         """
         if not self._kind_is_of_chain:
             return None
         is_next = self._sequence is not None and message.sequence - self._sequence == 1 + _left_out_before(message)
-        if self.publishers != self._typed_publishers or not is_next:
+        has_gap = acquired is None and not is_next
+        if self.publishers != self._typed_publishers or has_gap or self._other_types:
             self._typed_publishers = self.publishers
             self._other_types = publishers_of_other_type(self._node, self.topic)
         return RejectReason.OTHER_TYPE if self._other_types else None

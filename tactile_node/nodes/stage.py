@@ -96,6 +96,9 @@ class StageOutput(Generic[Result]):
     def send(self, result: Result, acquired: float) -> None:
         """Publish a result and pass it on, on the chain thread.
 
+        If publishing raises an exception, the next stage still gets the result, and the caller gets the exception and
+        counts it.
+
         Parameters
         ----------
         result : Result
@@ -105,7 +108,7 @@ class StageOutput(Generic[Result]):
         """
         try:
             self._publisher.publish(lambda: self._message(result, acquired))
-        finally:  # the next stage must get the result even if publishing the message fails
+        finally:
             if (reader := self._stages.input_of(self.topic)) is not None:
                 reader.feed(result, acquired)
 

@@ -39,7 +39,7 @@ class RejectReason(IntEnum):
     WRONG_PROBABILITIES = 8  #: a probability is not in 0...1, or the sum of the probabilities is not 1
     WRONG_STAMP = 9  #: a time is before 1970 or after 2038, its ns field is 10^9 or more, or a duration is negative
     INCONSISTENT = 10  #: fields of the message contradict each other
-    PROCESSING_FAILED = 11  #: the message passed the checks, but processing the message raised an error
+    PROCESSING_FAILED = 11  #: the message passed the checks, but computing or publishing a result raised an error
     MISSING_JOINT = 12  #: a joint needed to compute the gripper opening is missing
     IMPLAUSIBLE_OPENING = 13  #: the computed opening is impossible for a gripper, so the sign, scale or offset is wrong
     STAMP_AHEAD = 14  #: the stamp is far ahead of earlier stamps: it is wrong, or the clock was set forward

@@ -1,38 +1,26 @@
 """Observe one CANopen node through its messages. Times are from the monotonic clock [s]."""
 
-from collections.abc import Sequence
 from math import nan
-from typing import NamedTuple
 
 from tactile_node.assembly.facts import NodeFacts, PadFacts
-from tactile_node.assembly.health import NodeFault
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.device_setup import DeviceAsSet
 from tactile_node.cia301.emergency import DeviceErrors
 from tactile_node.cia301.objects import NmtState
-from tactile_node.skin.layout import DomainLayout, TpdoLayout
 from tactile_node.skin.pads import CanopenNode
-from tactile_node.skin.taxel_codec import without_values
 from tactile_node.sources.bus_watch import BusCounts
 from tactile_node.sources.node_state import NodeSeen, NodeState
+from tactile_node.sources.node_trust import NodeTrust, Setup
 from tactile_node.sources.sender_watch import SenderWatch
-from tactile_node.taxel_frame import TaxelFrame
 
 OVERLOAD_PATIENCE = 10  #: factor by which the allowed silence grows while this process is overloaded
-
-
-class Setup(NamedTuple):
-    """Counts of events that change a node's configuration. Equal counts mean an unchanged configuration."""
-
-    boots: int           #: number of boot-up messages
-    foreign_writes: int  #: number of writes by another master
 
 
 class NodeMonitor:
     """Observes one node of a pad: its configuration, heartbeats, TPDOs and errors.
 
     The monitor decides nothing; `step` decides on the result of `look`. Only the supervisor's thread may use the
-    monitor, but any thread may call ``facts``, and the chain reads whether the node is trusted.
+    monitor, but any thread may call ``facts``, and the chain calls ``trust.only_trusted``.
 
     Parameters
     ----------
@@ -52,12 +40,9 @@ class NodeMonitor:
         self._heard = monitor.heartbeats.of(node.node_id)
         self.set_timeouts(heartbeat_timeout, data_timeout)
         self.senders = SenderWatch(node, self._heard)
-        self._configured: Setup | None = None
-        self._trusted_from = 0.0  # time before which the node's TPDOs may not match the layout
+        self.trust = NodeTrust(node, monitor, self.senders)
         self._as_set = DeviceAsSet()
         self._heartbeat_writes = 0  # number of writes to the heartbeat time by other masters before the configuration
-        #: number of taxel frames emitted without the node's values, because its TPDOs may not have matched the layout
-        self.frames_distrusted = 0
         #: errors that the node reported when it did not become OPERATIONAL
         self.device_errors: DeviceErrors | None = None
         self.refuses_check = False  #: True if the node refuses to be configured while it sends TPDOs
@@ -81,36 +66,10 @@ class NodeMonitor:
     def boots(self) -> int:
         return self._heard.boots
 
-    @property
-    def setup(self) -> Setup:
-        """Counts so far of events that change the configuration of the node."""
-        return Setup(self.boots, self._monitor.foreign_writes[self.node.node_id])
-
-    @property
-    def is_trusted(self) -> bool:
-        """True if the TPDOs match the layout, because the node has not restarted or been changed since its setup."""
-        return self._configured == self.setup
-
-    def only_trusted(self, frame: TaxelFrame, acquired: float) -> TaxelFrame:
-        """Return ``frame`` without those values of the node that may not match the layout, and count such frames.
-
-        Parameters
-        ----------
-        frame
-            Taxel frame of the node's pad.
-        acquired
-            Time when the frame was acquired [s].
-        """
-        untrusted = self._untrusted(frame, acquired)
-        if not untrusted:
-            return frame
-        self.frames_distrusted += 1
-        return without_values(frame, untrusted)
-
     def expect(self, now: float) -> None:
         """Record that the bus was opened. From now on, the node must be configured and is expected to send."""
         self._since = now
-        self._configured = None
+        self.trust.end()
         self.senders.restart(now)
 
     def configured(self, setup: Setup, now: float, as_set: DeviceAsSet) -> None:
@@ -125,16 +84,10 @@ class NodeMonitor:
         as_set
             Settings of the device after the configuration.
         """
-        if not self.is_trusted:
-            self._trusted_from = now
-        self._configured = setup
+        self.trust.begin(setup, now)
         self._as_set = as_set
         self._heartbeat_writes = self._monitor.heartbeat_writes[self.node.node_id]
         self.refuses_check = False
-
-    def distrust(self) -> None:
-        """Ignore data from the node until it has been configured, because its TPDOs may not match the layout."""
-        self._configured = None
 
     def commanded(self, now: float, pad: PadFacts) -> None:
         """Record that taxels are expected from now on, because the node was started or for another reason."""
@@ -170,7 +123,7 @@ class NodeMonitor:
         self._look_at_senders(now, is_active, pad, bus)
         silence = now - self._data_at
         return NodeSeen(
-            is_active=is_active, setup_fault=self._setup_fault, are_two=self.senders.are_two,
+            is_active=is_active, setup_fault=self.trust.fault, are_two=self.senders.are_two,
             is_silent=self._is_silent(now), is_operational=self._heard.state == NmtState.OPERATIONAL,
             # a node may take three heartbeat times, but at least 0.3 s, to execute a command and report its new state
             is_executing=now - self._commanded < max(0.3, 3 * (self._as_set.heartbeat_time or 0.0)),
@@ -190,37 +143,18 @@ class NodeMonitor:
             heartbeat_age=nan if heard is None else now - heard, fault=state.fault, boots=self.boots,
             emcy_count=emergencies.count, emcy_last=emergencies.last, emcy_active=emergencies.active,
             outages=outages.count, outage_seconds=outages.seconds, outage_last_reason=outages.cause,
-            outage_present_reason=outages.current, frames_distrusted=self.frames_distrusted,
+            outage_present_reason=outages.current, frames_distrusted=self.trust.frames_distrusted,
             missing_tpdos=self.senders.missing, surplus_tpdos=self.senders.surplus, tpdo_order=self.senders.order,
             device_errors=self.device_errors, serial_number=self._as_set.serial_number)
-
-    @property
-    def _setup_fault(self) -> NodeFault:
-        """Reason why the TPDOs may not match the layout, or NONE."""
-        if self.is_trusted:
-            return NodeFault.NONE
-        if self._configured is None:
-            return NodeFault.UNCONFIGURED
-        return NodeFault.RECONFIGURED if self._configured.boots == self.boots else NodeFault.BOOTED
-
-    def _untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
-        """Return those of the node's TPDOs (or its DOMAIN) whose values in ``frame`` may not match the layout."""
-        carriers, ages = self.node.layout.carriers, frame.tpdo_ages
-        if not self.is_trusted or self.senders.are_two:
-            return carriers
-        if ages is None:
-            return () if acquired >= self._trusted_from else carriers
-        return [carrier for carrier in carriers
-                if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self._trusted_from]
 
     def _look_at_senders(self, now: float, is_active: bool, pad: PadFacts, bus: BusCounts) -> None:
         were_two = self.senders.are_two
         is_known = self._heartbeat_writes == self._monitor.heartbeat_writes[self.node.node_id] and (
-            self.is_trusted or were_two)  # a restarted device may have another heartbeat time
+            self.trust.is_trusted or were_two)  # a restarted device may have another heartbeat time
         heartbeat_time = self._as_set.heartbeat_time if is_known else None
         self.senders.look(now, is_active, pad, bus, heartbeat_time, self._data_timeout)
         if were_two and not self.senders.are_two:
-            self._configured = None  # it is unknown which of the two devices was configured
+            self.trust.end()  # it is unknown which of the two devices was configured
 
     def _excuse_silence(self, ran_again: float) -> None:
         """Ignore silence from before this process resumed, unless there have been many stalls without a message."""

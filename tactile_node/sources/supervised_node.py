@@ -79,7 +79,7 @@ class SupervisedNode:
         try:
             for _ in range(SETUP_TRIES):
                 self._configure(timeout)
-                if self.monitor.is_trusted:
+                if self.monitor.trust.is_trusted:
                     break
         except DeviceAbsentError as error:
             return error
@@ -129,7 +129,7 @@ class SupervisedNode:
                 logger.error('%s', error, extra={'fact': error})
         except (DeviceError, BusError) as error:
             if isinstance(error, UnverifiedDeviceError):
-                self.monitor.distrust()
+                self.monitor.trust.end()
             self.monitor.refuses_check = isinstance(error, DeviceError) and is_sending
             is_news = self._state.fault is not NodeFault.SILENT
             if is_news and self._retry_throttle.is_due(str(error), time.monotonic()):
@@ -157,7 +157,7 @@ class SupervisedNode:
                 self._read_errors()
 
     def _configure(self, timeout: float, pause: bool = True) -> None:
-        setup = self.monitor.setup
+        setup = self.monitor.trust.setup
         as_set = self._bus.configure_node(self.monitor.node, timeout, pause)
         self.monitor.configured(setup, time.monotonic(), as_set)
 

@@ -98,7 +98,7 @@ class Supervisor:
                 self._watch.opened()
                 now = time.monotonic()
                 self._outages = self._outages.end(now)
-                self._silent_since = None
+                self._retries = Retries()
                 self._watch.overload.restart()
                 for node in self._nodes:
                     node.handle(NodeEvent.STOPPED, now)
@@ -123,7 +123,8 @@ class Supervisor:
             if self._outages.current is not None:
                 raise BusError('CAN bus', expected='a working bus', got=str(self.failure),
                                remedy='Wait until the driver has reopened the bus, then start again.')
-            self._bus.start(without=[node.node_id for node in self._nodes if not node.monitor.is_trusted])
+            self._silent_since = None  # the sequence starts again, so it skips no period of an earlier outage
+            self._bus.start(without=[node.node_id for node in self._nodes if not node.monitor.trust.is_trusted])
             self._set_active(True)
 
     def stop(self) -> None:
@@ -269,7 +270,7 @@ class Supervisor:
     def _deliver_trusted(self, name: str, frame: TaxelFrame) -> None:
         acquired = self.acquired(frame.stamp)
         for node in self._by_pad[name]:
-            frame = node.monitor.only_trusted(frame, acquired)
+            frame = node.monitor.trust.only_trusted(frame, acquired)
         self._on_frame(name, frame)
 
 

@@ -40,7 +40,8 @@ class Remark(Enum):
     NODE_OF_NO_PAD = False, ('Node {where} was heard but does not belong to any pad in this report. If the node is a '
                              'skin, add its node-ID to --node-id.')
     BUS_FULL = True, 'The highest bus load was {number:.0%}, assuming worst-case bit stuffing.'
-    ERROR_FRAMES = True, 'The CAN controller reported {number:.0f} error frames.'
+    ERROR_FRAMES = True, ('The CAN log contains {number:.0f} error frames. With slcan, an error frame is a damaged '
+                          'line of the serial port.')
     LEFT_OUT = False, 'Pad {where}: {number:.0f} more touches are not listed.'
     SEVERAL_BUSES = True, ('The recording has CAN frames from {number:.0f} buses. Load, gaps and nodes cover all of '
                            'them; choose one with --channel.')
