@@ -160,6 +160,15 @@ def test_flicker_between_two_classes_is_quietened():
     assert changes(single) > 100 and changes(fused) <= 2
 
 
+def test_unknown_is_reported_as_soon_as_it_leads():
+    fusion = RecognitionFusion()
+    feed(fusion, [{Shape.SQUARE: 1.0}] * 50)
+    found = feed(fusion, [{Shape.UNKNOWN: 1.0}] * 20, 0.5)
+    for each in found:
+        leads = each.recognition.probabilities[Shape.UNKNOWN] > each.recognition.probabilities[Shape.SQUARE]
+        assert (each.recognition.shape is Shape.UNKNOWN) == leads
+
+
 def test_probabilities_sum_to_one_and_survive_certain_frames():
     fused = feed(RecognitionFusion(), [{Shape.SQUARE: 1.0}, {Shape.CIRCLE: 1.0}, {Shape.UNKNOWN: 1.0}] * 20)
     for each in fused:

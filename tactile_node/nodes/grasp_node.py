@@ -39,11 +39,11 @@ SILENCE_PERIOD = 0.02  #: Time between two checks whether a pad is silent [s].
 class GraspNode(StageNode):
     """Publishes `grasp` and `grasp_sides` for the usable messages on `<pad>/shape` from its two pads.
 
-    If shapes of both pads have been waiting, the node publishes one grasp for both. In a lossless replay, the node
+    If shapes of both pads are waiting, the node publishes one grasp for both. In a lossless replay, the node
     publishes a grasp for every shape.
 
-    When a pad stops publishing shapes, the node publishes both topics once more, so that the last grasp does not look
-    current. A client uses the action `~/wait_for_grasp` or the service `~/check_grasp` to find out whether the grasp
+    While a pad publishes no shapes, the node publishes both topics again and again, so that the last grasp does not
+    look current. A client uses the action `~/wait_for_grasp` or the service `~/check_grasp` to find out whether the grasp
     meets its requirement.
 
     Parameters
@@ -122,7 +122,8 @@ class GraspNode(StageNode):
             self._is_published = False
             if not self._settings.lossless:
                 self._silent_at[side] = self._steady() + self._tracker.silence_limit(side)
-        if self._settings.lossless:
+        # A grasp of unknown age waits for no other shape, because its order among the shapes is not known either.
+        if self._settings.lossless or acquired == -math.inf:
             self._publish_update()
         else:
             self._shapes[side].postpone(self._publish_update, acquired, Step.COMBINE)
@@ -160,11 +161,11 @@ class GraspNode(StageNode):
         """Compute the grasp at the time ``now`` [s] from the shapes received so far, and publish it."""
         opening = self._opening.current()
         with self._lock:
-            self._is_published = True
             state = self._tracker.state(now, opening.gap)
             self._grasps.publish(lambda: self._message(state, opening, self._sides))
             self._grasp_sides.publish(lambda: sides_message(
                 state, [self._latest[side].complete_message for side in SIDES], self._settings.frame, self._ages()))
+            self._is_published = True
             if self._requests is not None:
                 self._requests.wake()
 

@@ -41,7 +41,7 @@ class FusionSettings:
     """
 
     memory: float = 0.1   #: time constant with which the weight of a frame falls [s]
-    switch: float = 1.1   #: factor by which another class must be more probable before it is reported instead
+    switch: float = 1.5   #: factor by which another shape must be more probable before it is reported instead
     max_gap: float = 0.5  #: silence after which the fusion starts again [s]
 
     def __post_init__(self) -> None:
@@ -151,13 +151,14 @@ class RecognitionFusion:
         self._evidence = self._settings.kept(passed) * self._evidence + seen
 
     def _chosen(self) -> ShapeClass:
-        """Return the leading class, or the class that was reported last if it is close behind."""
+        """Return the leading class, or the class that was reported last if another shape is close ahead."""
         ahead = int(self._evidence.argmax())
-        if self._shape is None or self._shape is Shape.NONE:
-            return self._touching[ahead]
+        leading = self._touching[ahead]
+        if self._shape is None or self._shape is Shape.NONE or leading is Shape.UNKNOWN:
+            return leading
         reported = self._touching.index(self._shape)
         is_clear = self._evidence[ahead] > self._settings.switch * self._evidence[reported]
-        return self._touching[ahead if is_clear else reported]
+        return leading if is_clear else self._shape
 
     def _report(self, stamp: float, shape: ShapeClass, belief: Recognition) -> FusedRecognition:
         if shape is not self._shape or not self._frames:
