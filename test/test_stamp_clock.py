@@ -142,6 +142,19 @@ def test_adapter_that_counts_again_is_mapped_again(hands):
     assert clock.of(0.75) == pytest.approx(1001.5, abs=1e-3)
 
 
+@pytest.mark.parametrize('step', [0.025, 0.05, 0.09, 0.5])
+def test_a_message_stamped_after_a_step_forward_and_read_late_has_its_true_age(hands, step):
+    clock = hands.clock()
+    hands.wait(1)
+    clock.now()
+    hands.wall += step
+    clock.now()
+    hands.wait(0.5)
+    stamped, acquired = hands.wall, hands.steady
+    hands.wait(1.2 * step)
+    assert clock.acquired(clock.of(stamped)) == pytest.approx(acquired)
+
+
 @pytest.mark.parametrize('step', [0.0, 0.05, -0.05, 3600.0, -3600.0, 1.0])
 @pytest.mark.parametrize('before', [0.0, -60.0, 60.0])
 def test_ages_are_of_the_steady_clock_however_the_wall_clock_is_set(hands, before, step):

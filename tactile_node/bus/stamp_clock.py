@@ -66,6 +66,7 @@ class StampClock:
             self._before = 0.0  # offset of the wall clock before the last jump
             self._lead_before = 0.0  # stamp minus steady clock before the last jump
             self._jumped = -float('inf')  # time of the last jump, on the steady clock
+            self._jumped_to = float('inf')  # wall clock after the last jump if it jumped forward [s]
             self._least: float | None = None
             self._looked = steady
             self._last = -float('inf')
@@ -90,7 +91,8 @@ class StampClock:
             wall, steady = self._look()
             if not self._host_stamped:
                 return wall + self.ahead - self._adapter_age(timestamp, steady)
-            if steady - self._jumped > 2.0:  # all messages stamped before the jump have arrived by now
+            # all messages stamped before the jump have arrived by now, or this message was stamped after the jump
+            if steady - self._jumped > 2.0 or timestamp >= self._jumped_to:
                 return timestamp + self.ahead
             # age of a message stamped after the jump, and of one stamped before the jump
             ages = [wall - timestamp, steady + self._before - timestamp]
@@ -131,6 +133,7 @@ class StampClock:
         if abs(step := offset - self._offset) > most:
             self.jumps += 1
             self._before, self._jumped = self._offset, steady
+            self._jumped_to = wall if step > 0 else float('inf')
             self._lead_before = self._offset + self.ahead
             self.ahead = max(0.0, self.ahead - step)
         self._offset = offset

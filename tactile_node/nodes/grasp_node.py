@@ -43,8 +43,8 @@ class GraspNode(StageNode):
     publishes a grasp for every shape.
 
     While a pad publishes no shapes, the node publishes both topics again and again, so that the last grasp does not
-    look current. A client uses the action `~/wait_for_grasp` or the service `~/check_grasp` to find out whether the grasp
-    meets its requirement.
+    look current. A client uses the action `~/wait_for_grasp` or the service `~/check_grasp` to find out whether the
+    grasp meets its requirement.
 
     Parameters
     ----------
