@@ -130,7 +130,7 @@ class _Answer(NamedTuple):
     recognition: Recognition
 
     def holds_for(self, found: FoundContact, stamp: float) -> bool:
-        """Return True if a later frame is too soon and too similar to add information."""
+        """Return True if a later frame is too soon and too similar to add much information."""
         pattern, before = found.pattern, self.found.pattern
         return (0 <= stamp - self.stamp < REUSE_TIME and found.visibility == self.found.visibility
                 and np.array_equal(pattern.labels, before.labels) and np.array_equal(pattern.hidden, before.hidden))
