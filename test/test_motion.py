@@ -9,7 +9,7 @@ import os
 import numpy as np
 import pytest
 from elastic_layer import ElasticLayer
-from event_world import BEFORE, KINDS, PITCH, RATE, FingerSkin, Scene, moved, shaken, slide, turn
+from event_world import BEFORE, KINDS, PITCH, RATE, FingerSkin, Scene, followed, moved, shaken, slide, turn
 from stuck_contact import PitchJoint
 
 from bench.planner_world import FINE, ROWS, foundation, noisy
@@ -90,6 +90,15 @@ def test_a_turn_is_reported(recogniser, kind, speed):
     rates = [each.motion.rate for each in frames if each.motion.moving & Moving.TURNING
              and moved(each.place, scene.radius) < 1.5]
     assert np.sign(np.median(rates)) == np.sign(frames[-1].place['turn'])
+
+
+def test_a_fit_that_takes_another_side_for_the_base_is_no_turn(recogniser):
+    """In one frame, the fit to a triangle with three nearly equal sides is turned by 120 degrees."""
+    seen = Scene(generator(Purpose.TEST, SEED + 6), 'isosceles_triangle', dead=0.0).see(recogniser, lambda _: {}, 1.0)
+    sight = seen[40].sight
+    turned = sight._replace(fit=sight.fit._replace(angle=sight.fit.angle + 2 * np.pi / 3))
+    seen[40] = seen[40]._replace(sight=turned)
+    assert not events_of(followed(seen))
 
 
 @pytest.mark.slow

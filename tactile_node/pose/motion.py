@@ -73,6 +73,9 @@ OTHER_SIZE = 1.6
 # A fit describes a different outline if a dimension differs by more than the sum of these two values.
 OTHER_LENGTH = 0.2   #: share of the dimension
 OTHER_PITCHES = 0.5  #: length [pitches]
+#: A fit describes another orientation of a nearly symmetric shape if its angle changes by more than this value in one
+#: frame [rad].
+OTHER_ANGLE = 0.6
 
 #: A movement along x or y is not observable if the cosine of its angle to an unobservable direction exceeds this value.
 HIDES_DIRECTION = 0.5
@@ -226,7 +229,10 @@ class _Followed:
         self._outline.update(stamp, x, y, math.sqrt(max(variance[:2])), self._growth(self._outline), self._load,
                              self._allowed)
         if fit.symmetry:
-            self._angle += math.remainder(fit.angle - self._angle, 2 * math.pi / fit.symmetry)
+            change = math.remainder(fit.angle - self._angle, 2 * math.pi / fit.symmetry)
+            if abs(change) > OTHER_ANGLE:
+                self._turn.forget()
+            self._angle += change
             sd = math.sqrt(variance[2]) * self._radius  # a slide reveals fit errors that stay constant at rest
             self._turn.update(stamp, self._angle * self._radius, 0.0, sd, SLACK * sd * self._outline.is_moving)
         return had_moved and not self._outline.is_moving
