@@ -39,8 +39,7 @@ class Sight(NamedTuple):
 
 
 # A movement begins once it exceeds one of these steps, and is a slide once it exceeds the allowed shift by half of this
-# step. The steps are smaller than the documented ones (0.4, 0.8 and 1.5 pitches), because a second frame must confirm
-# the movement.
+# step. The steps are smaller than the documented ones (0.4, 0.8, 1.5), because a second frame must confirm a movement.
 OUTLINE_STEP = 0.2    #: step of an outline [pitches]
 PRESSURE_STEP = 0.55  #: step of a centre of pressure [pitches]
 ON_OFF_STEP = 1.1     #: step of an outline or a centre on on/off taxels [pitches]
@@ -73,9 +72,7 @@ OTHER_SIZE = 1.6
 # A fit describes a different outline if a dimension differs by more than the sum of these two values.
 OTHER_LENGTH = 0.2   #: share of the dimension
 OTHER_PITCHES = 0.5  #: length [pitches]
-#: A fit describes another orientation of a nearly symmetric shape if its angle changes by more than this value in one
-#: frame [rad].
-OTHER_ANGLE = 0.6
+OTHER_ANGLE = 0.6    #: A larger change in one frame is no turn, but the fit has chosen another side as its base [rad].
 
 #: A movement along x or y is not observable if the cosine of its angle to an unobservable direction exceeds this value.
 HIDES_DIRECTION = 0.5

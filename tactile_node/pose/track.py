@@ -200,9 +200,8 @@ class Track:
             self._offset = self.shift[0] - place.x, self.shift[1] - place.y
         self.shift = self._offset[0] + place.x, self._offset[1] + place.y
         beyond = math.hypot(*self.shift) - allowed
-        is_far, was_far = beyond > BEYOND * self._step, self._was_far
-        self._was_far = is_far
-        if not self.is_sliding and is_far and (was_far or beyond > self._step):
+        was_far, self._was_far = self._was_far, beyond > BEYOND * self._step
+        if not self.is_sliding and self._was_far and (was_far or beyond > self._step):
             self.is_sliding = True
             self.probability = self._probability_of(beyond)
 
