@@ -19,7 +19,10 @@ from tactile_skin.msg import ContactFeatures, ContactShape, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
-LOG, LAYOUT, NODE_ID = 'nus_ring_session.log.gz', 'nus_sinapse_64x64.yaml', 32
+LOG = 'nus_ring_session.log.gz'
+LAYOUT = 'nus_sinapse_64x64.yaml'
+NODE_ID = 32  # node-ID of the skin in the log
+TPDOS = 64    # number of TPDOs that answer a SYNC
 SYNC = 0x080
 TIMEOUT = 240.0  # Timeout for the replay, long enough for a busy machine [s].
 
@@ -74,6 +77,15 @@ def test_every_sync_period_comes_out_once_in_order_with_its_own_stamp(heard, syn
     assert [message.sequence for message in messages] == list(range(len(syncs)))
     assert [seconds(message) for message in messages] == pytest.approx(syncs, abs=1e-6)
     assert {message.header.frame_id for message in messages} == {'finger_pad'}
+
+
+def test_every_tpdo_of_the_log_is_published_or_counted_as_missing(heard, syncs):
+    lines = read_candump(LOG)
+    bases = {0x180, 0x280, 0x380, 0x480}
+    tpdos = sum((line.can_id & 0x780) in bases and len(line.data) == 8 for line in lines)
+    missing = sum(message.missing_can_frames for message in heard['taxels'])
+    assert tpdos + missing == len(syncs) * TPDOS
+    assert tpdos > 0
 
 
 def test_taxels_are_the_bits_of_the_log(heard, syncs):

@@ -6,7 +6,7 @@ import time
 import can
 import numpy as np
 import pytest
-from can_bench import Bench, other_bus
+from can_bench import INTERFACE, Bench, other_bus
 from test_logs import play
 from waiting import wait_until
 
@@ -198,6 +198,14 @@ def test_record_that_cannot_be_written_leaves_the_bus_closed(tmp_path):
     with pytest.raises(LogError):
         driver.open()
     driver.close()
+
+
+def test_consumer_that_fails_does_not_stop_the_bus(caplog):
+    with Bench('failing', sync_period=0.01) as bench:
+        bench.driver = SkinBus(BusSettings(INTERFACE, bench.channel, sync_period=0.01), bench.pads,
+                               lambda *_: 1 / 0)
+        bench.run()
+        assert wait_until(lambda: bench.driver.facts().consumer_errors >= 3)
 
 
 def test_a_sync_producer_that_dies_is_an_internal_error_with_its_traceback(monkeypatch, caplog):

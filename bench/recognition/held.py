@@ -13,6 +13,7 @@ from bench.recognition.cases import Case, seeded
 from bench.recognition.figures import PercentRate
 from bench.recognition.page import Table
 from tactile_node import ContactStream, Recogniser
+from tactile_node.learning.assess import NAMELESS
 from tactile_node.shape.recognition import Recognition, Shape
 from tactile_node.shape.support import SURE
 from training.ground_truth.seeds import Purpose
@@ -22,7 +23,6 @@ AREAS = (20, 50, 100)
 PERIOD = 0.02               #: [s]
 MOMENTS = (0.0, 0.1, 0.5)   #: Times after the first frame at which the fused name is counted [s].
 NOISE = 0.03                #: Standard deviation of the noise [fraction of the largest value].
-NO_NAMES = (Shape.UNKNOWN, Shape.NONE)
 SEEDS = 850_000
 
 
@@ -48,7 +48,7 @@ def measured(recogniser: Recogniser, contacts: str, cases: Iterable[Case], purpo
             truth = Shape.UNKNOWN if label == UNKNOWN else Shape(LABELS[label])
             for moment, found in zip(MOMENTS, _held(recogniser, pattern.values, rng)):
                 is_right = found.shape is truth or truth is Shape.UNKNOWN and found.shape is Shape.NONE
-                is_sure = found.shape not in NO_NAMES and found.confidence >= SURE
+                is_sure = found.shape not in NAMELESS and found.confidence >= SURE
                 counted.setdefault((case.area, moment), []).append((is_right, is_sure, is_sure and not is_right))
     for (area, moment), each in sorted(counted.items()):
         yield OfHeld(contacts, area, moment, *(PercentRate(sum(column), len(each)) for column in zip(*each)))

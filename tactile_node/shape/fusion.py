@@ -63,8 +63,7 @@ class FusionSettings:
         odds : float
             Smallest odds, 3 to 100, that each frame gives to the new shape against all other classes together.
         """
-        # After n frames, the old frames keep the share kept ** n of the weight. They give the old shape a probability
-        # of 1 at most.
+        # After n frames, the old frames keep the share kept ** n of the weight, and give the old shape at most 1.
         share = (odds - self.switch) / (odds - self.switch + (1 + odds) * self.switch)
         return max(1, ceil(log(share) / log(self.kept(period))))
 
@@ -136,7 +135,8 @@ class RecognitionFusion:
         self._is_over = ends
         if frame.shape is Shape.NONE:
             return self._report(stamp, frame.shape, frame)
-        self._add(frame, passed)
+        seen = np.array([frame.probabilities[shape] for shape in self._touching])
+        self._evidence = self._settings.kept(passed) * self._evidence + seen
         if frame.shape is Shape.UNKNOWN:
             self._reason = frame.reason
         mean = self._evidence / self._evidence.sum()
@@ -144,11 +144,7 @@ class RecognitionFusion:
 
     def _start(self, touching: tuple[ShapeClass, ...]) -> None:
         self._touching = touching
-        self._evidence = np.zeros(len(touching))  # weighted sum of the probabilities
-
-    def _add(self, frame: Recognition, passed: float) -> None:
-        seen = np.array([frame.probabilities[shape] for shape in self._touching])
-        self._evidence = self._settings.kept(passed) * self._evidence + seen
+        self._evidence: np.ndarray = np.zeros(len(touching))  # weighted sum of the probabilities
 
     def _chosen(self) -> ShapeClass:
         """Return the leading class, or the class that was reported last if another shape is close ahead."""
