@@ -135,8 +135,7 @@ class RecognitionFusion:
         self._is_over = ends
         if frame.shape is Shape.NONE:
             return self._report(stamp, frame.shape, frame)
-        seen = np.array([frame.probabilities[shape] for shape in self._touching])
-        self._evidence = self._settings.kept(passed) * self._evidence + seen
+        self._add(frame, passed)
         if frame.shape is Shape.UNKNOWN:
             self._reason = frame.reason
         mean = self._evidence / self._evidence.sum()
@@ -144,7 +143,11 @@ class RecognitionFusion:
 
     def _start(self, touching: tuple[ShapeClass, ...]) -> None:
         self._touching = touching
-        self._evidence: np.ndarray = np.zeros(len(touching))  # weighted sum of the probabilities
+        self._evidence = np.zeros(len(touching))  # weighted sum of the probabilities
+
+    def _add(self, frame: Recognition, passed: float) -> None:
+        seen = np.array([frame.probabilities[shape] for shape in self._touching])
+        self._evidence = self._settings.kept(passed) * self._evidence + seen
 
     def _chosen(self) -> ShapeClass:
         """Return the leading class, or the class that was reported last if another shape is close ahead."""
