@@ -18,6 +18,7 @@ from tactile_node.errors import ConfigurationError
 from tactile_node.learning.head_fit import unpack_patches
 from tactile_node.learning.touches import Touch, TouchFrame
 from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, Patch, joined, make_patch
+from tactile_node.shape.steepest_outline import steepest_outline
 from tactile_node.shape.taught import HEAD_PARTS, HEAD_VERSION, MOST_TAUGHT, Head, digest_of, is_name, is_own
 
 TOUCH_VARIANTS = 16  #: Number of variants of each touch.
@@ -48,7 +49,7 @@ def examples_of(touches: Sequence[Touch], rng: np.random.Generator) -> Examples:
     numbers: list[int] = []
     recorded: list[bool] = []
     for number, touch in enumerate(touches):
-        own = [make_patch(frame.values, frame.mask) for frame in (touch.middle, *touch.frames)]
+        own = [_patch_of(frame.values, frame.mask) for frame in (touch.middle, *touch.frames)]
         for k in range(TOUCH_VARIANTS):
             variant = _variant(touch.frames[k % len(touch.frames)], rng)
             own += [] if variant is None else [variant]
@@ -73,14 +74,14 @@ def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
     values = ndimage.map_coordinates(_contact_alone(frame), np.tensordot(turn, at, 1) + centre[:, None, None],
                                      order=order)
     if on_off:
-        return _patch(values >= 0.5 * np.nanmax(frame.values))
+        return _found_patch(values >= 0.5 * np.nanmax(frame.values))
     along = rng.uniform(0, MOST_TILT) / reach
     towards = rng.uniform(0, 2 * np.pi)
     values *= 1 + along * (np.cos(towards) * at[1] + np.sin(towards) * at[0])
     known = frame.values[frame.mask & np.isfinite(frame.values)]
     values += float(np.median(known)) * rng.uniform(*NOISE_RANGE) * rng.standard_normal(values.shape)
     values[rng.random(values.shape) < rng.uniform(0, MOST_DEAD)] = np.nan
-    return _patch(values)
+    return _found_patch(values)
 
 
 def _contact_alone(frame: TouchFrame) -> np.ndarray:
@@ -96,9 +97,13 @@ def _contact_alone(frame: TouchFrame) -> np.ndarray:
     return np.where(grown(grown(frame.mask)), values, 0.0)
 
 
-def _patch(values: np.ndarray) -> Patch | None:
+def _found_patch(values: np.ndarray) -> Patch | None:
     pattern = PatternExtractor().extract(values)
-    return make_patch(pattern.values, joined(pattern)) if pattern.mask.any() else None
+    return _patch_of(pattern.values, joined(pattern)) if pattern.mask.any() else None
+
+
+def _patch_of(values: np.ndarray, mask: np.ndarray) -> Patch:
+    return make_patch(values, steepest_outline(values, mask))
 
 
 LEVEL_STEPS = 255 / HIGHEST_LEVEL  #: Levels are stored as whole multiples of 1 / LEVEL_STEPS, as in training.

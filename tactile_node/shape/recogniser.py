@@ -27,6 +27,7 @@ from tactile_node.shape.invariants import COUNT, LOG_TAXELS, OVERLAPS, describe_
 from tactile_node.shape.network import TAPS, Network
 from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
+from tactile_node.shape.steepest_outline import steepest_outline
 from tactile_node.shape.support import (
     as_far_as_it_fits,
     as_far_as_it_holds,
@@ -186,9 +187,11 @@ class ShapeRecogniser:
     def _verified(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Return the recognition of each contact, with the confidence limited by the contact's low outline.
 
-        A contact is a pair of values and mask. The contacts and their low outlines are recognised in one call, which
-        takes less time than two calls, even though only sure contacts need their low outline.
+        A contact is a pair of values and mask, and is recognised within its `steepest_outline`. The contacts and their
+        low outlines are recognised in one call, which takes less time than two calls, even though only sure contacts
+        need their low outline.
         """
+        contacts = [(values, steepest_outline(values, mask)) for values, mask in contacts]
         low = [low_outline(*contact) for contact in contacts]
         lower = [(values, mask) for (values, _), mask in zip(contacts, low) if mask is not None]
         found = self._recognise_contacts([*contacts, *lower])
