@@ -17,9 +17,9 @@ FEWEST_TAXELS = 30  #: Smallest contact whose outline is moved. In a smaller one
 SMOOTHING = 0.7     #: Standard deviation of the Gaussian filter that averages the gains [pitches].
 LEVELS = (0.6, 0.7, 0.8)  #: Levels at which an outline is tried, as shares of the contact's mean smoothed reading.
 STEEPER = 1.2       #: The readings must fall this many times as steeply across the new outline.
-#: Smallest share of the contact's readings within the new outline. A halo carries less load than its contact, but parts
-#: of an unevenly pressed object may carry more than the rest.
-LEAST_LOAD = 0.7
+#: Smallest share of the contact's taxels within the new outline. A smaller part may be a fragment of an unevenly pressed
+#: object.
+LEAST_SHARE = 0.65
 SMOOTHING_REACH = 2  #: Distance beyond the contact from which readings are averaged [taxels].
 SQUARE = np.ones((2, 2), bool)  #: Smallest part of a contact. Thinner parts are bridges to other taxels.
 
@@ -41,9 +41,9 @@ def steepest_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
     Examples
     --------
-    >>> values = np.zeros((14, 14))
-    >>> values[2:12, 2:12] = 0.4  # a halo around a contact of 8x8 taxels
-    >>> values[3:11, 3:11] = 1.0
+    >>> values = np.zeros((15, 15))
+    >>> values[2:13, 2:13] = 0.4  # a halo around a contact of 9x9 taxels
+    >>> values[3:12, 3:12] = 1.0
     >>> within = steepest_outline(values, values > 0)
     >>> bool((within == (values == 1.0)).all())
     True
@@ -60,8 +60,8 @@ def steepest_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
     if not count:
         return mask
     largest = groups == 1 + np.bincount(groups[steepest])[1:].argmax()
-    if (_fall(largest, falls) < STEEPER * _fall(inside, falls)
-            or np.nansum(values[box][largest]) < LEAST_LOAD * np.nansum(values[box][inside])):
+    if (np.count_nonzero(largest) < LEAST_SHARE * np.count_nonzero(inside)
+            or _fall(largest, falls) < STEEPER * _fall(inside, falls)):
         return mask
     found = np.zeros_like(mask)
     found[box] = largest
