@@ -11,14 +11,14 @@ from scipy import ndimage
 from tactile_node.contact.neighbours import EIGHT_CONNECTED, box_of
 from tactile_node.contact.press import are_on_off
 
-#: The constants below were chosen with computed contacts on skins with a halo (validation seeds), on skins without a
-#: halo, and on the open real arrays.
+#: The constants below were found with a real 8x16 array. STEEPER and LEAST_SHARE were then set so that no rate falls on
+#: the other open arrays and on computed contacts with and without a halo (validation seeds).
 FEWEST_TAXELS = 30  #: Smallest contact whose outline is moved. In a smaller one, most taxels lie at the outline.
 SMOOTHING = 0.7     #: Standard deviation of the Gaussian filter that averages the gains [pitches].
 LEVELS = (0.6, 0.7, 0.8)  #: Levels at which an outline is tried, as shares of the contact's mean smoothed reading.
 STEEPER = 1.2       #: The readings must fall this many times as steeply across the new outline.
-#: Smallest share of the contact's taxels within the new outline. A smaller part may be a fragment of an unevenly pressed
-#: object.
+#: Smallest share of the contact's taxels within the new outline. A smaller part may be a fragment of an object that
+#: presses unevenly.
 LEAST_SHARE = 0.65
 SMOOTHING_REACH = 2  #: Distance beyond the contact from which readings are averaged [taxels].
 SQUARE = np.ones((2, 2), bool)  #: Smallest part of a contact. Thinner parts are bridges to other taxels.
