@@ -41,9 +41,9 @@ class Descent(NamedTuple):
             return 2 * GRIP * FRICTION * TURN_LEVER / self.lever
         return 2 * GRIP * (self.weight + FRICTION * self.pushes)
 
-    def pressed(self, time: float | np.ndarray) -> float | np.ndarray:
-        """Return the force on the table at a time or an array of times [N], if the hand does not stop."""
-        return np.clip(STIFFNESS * self.speed * (time - self.met), 0.0, self.most)
+    def pressed(self, time: float) -> float:
+        """Return the force on the table at a time [N], if the hand does not stop."""
+        return min(max(0.0, STIFFNESS * self.speed * (time - self.met)), self.most)
 
     def path(self, time: float) -> dict[str, float]:
         """Return the load [normal force], and how far the object has slipped [pitches] or turned [rad]."""
