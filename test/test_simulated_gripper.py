@@ -32,7 +32,7 @@ from examples.simulated_gripper.world import (
     World,
     random_place,
 )
-from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import PadPose, Transform
 from tactile_node.pose.events import Moving
 from tactile_node.shape.methods import make_recogniser
@@ -253,27 +253,6 @@ def test_both_pads_see_an_item_where_it_is():
     left, right = map(world.pressures, ('left', 'right'))
     assert [np.arange(ROWS) @ each.sum(0) / each.sum() for each in (left, right)] == pytest.approx([10.5] * 2, abs=0.2)
     np.testing.assert_allclose(left[::-1], right, atol=0.05 * left.max())  # The rows of this pad run upwards.
-
-
-@physics
-def test_the_sensors_of_mujoco_feel_a_ball_where_it_is():
-    world = World(ITEMS['ball'], Place(0.004, 0.0, 0.0), has_sensors=True)
-    world.move(lift=-0.003)
-    world.step(1.0)
-    world.command(Command(0.0, effort=2.0))
-    world.step(2.0)
-    for side in SIDES:
-        felt_there, (x, y, _) = world.pressures(side), world.item_in(side).translation
-        rows, columns = np.indices(felt_there.shape)
-        assert felt_there.sum() * PITCH**2 == pytest.approx(world.forces[side])
-        assert np.average(columns, weights=felt_there) == pytest.approx(x / PITCH, abs=0.1) != 7.5
-        assert np.average(rows, weights=felt_there) == pytest.approx(y / PITCH, abs=0.1) != 7.5
-
-
-@physics
-def test_a_form_without_a_sensor_in_mujoco_is_refused():
-    with pytest.raises(InputError, match='box'):
-        World(ITEMS['right_triangle'], has_sensors=True)
 
 
 @physics
