@@ -3,7 +3,7 @@
 Run `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]
 
 The script trains the CNN and the trees, called the anchors, on the samples of `make train`. The script then writes
-tables/, blind_spots.csv, the pages and a picture.
+tables/ and the pages.
 
 With --page FOLDER, the script measures nothing and rewrites the pages from the tables in FOLDER. With --validation, the
 script uses seeds and families of foreign and blemished figures that are never reported. Use --validation for choices
@@ -30,7 +30,6 @@ from bench.recognition.sections import (
     AGAINST_ANCHORS,
     ALONE,
     FULL,
-    LONGEST,
     QUICK,
     SECTIONS,
     WITHOUT_ANCHORS,
@@ -64,7 +63,7 @@ def main() -> int:
     anchors = {True: [], False: []} if args.alone or set(args.only) <= WITHOUT_ANCHORS else trained_anchors(
         args, amount, clock)
     recogniser = Recogniser(file=config_path(args.weights))
-    run = Run(Contest(recogniser, anchors), recogniser, amount, output=args.output, clock=clock,
+    run = Run(Contest(recogniser, anchors), recogniser, amount, clock=clock,
               purpose=Purpose.VALIDATION if args.validation else Purpose.EVALUATION)
     found = {}
     for name, section in measured(args.only, run, args.jobs):
@@ -113,7 +112,7 @@ def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, l
     Up to ``jobs`` sections run at a time. Sections that measure time run alone at the end.
     """
     fork = get_context('fork')  # forked processes share the memory of the anchors
-    waiting, running = sorted((name for name in names if name not in ALONE), key=lambda name: name != LONGEST), {}
+    waiting, running = [name for name in names if name not in ALONE], {}
     while waiting or running:
         while waiting and len(running) < jobs:
             receiver, sender = fork.Pipe(duplex=False)

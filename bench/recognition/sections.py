@@ -4,10 +4,9 @@ Each section can run alone.
 """
 
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from bench.recognition import blind_spots, familiar, halo_skins, held, nothing, several, tables
+from bench.recognition import familiar, halo_skins, held, nothing, several, tables
 from bench.recognition.cases import Case, clean_cases, field_cases, mechanics_cases, seeded
 from bench.recognition.contest import OURS, Contest, Result
 from bench.recognition.idle import IDLE
@@ -31,14 +30,13 @@ class Amount(NamedTuple):
     figures: int    #: number of figures per family of foreign shapes; each blemished shape gets a quarter of them
     pressed: int    #: number of frames for each family and size
     sequences: int  #: number of idle sequences of each kind
-    cell: int       #: number of patterns in each cell of the blind spots
     repeat: int     #: number of timed frames
 
 
 FULL = Amount(share=0.3, epochs=4, clean=3000, field=400, mechanics=2000, pads=100, figures=100, pressed=400,
-              sequences=nothing.ENOUGH, cell=2000, repeat=400)
+              sequences=nothing.ENOUGH, repeat=400)
 QUICK = Amount(share=0.07, epochs=2, clean=300, field=60, mechanics=100, pads=20, figures=12, pressed=60,
-               sequences=20, cell=100, repeat=100)
+               sequences=20, repeat=100)
 
 
 class Clock(Protocol):
@@ -52,7 +50,6 @@ class Run(NamedTuple):
     recogniser: Recogniser   #: recogniser with default settings
     amount: Amount
     purpose: Purpose
-    output: Path
     clock: Clock
 
     def results(self, cases: Iterable[Case], what: str) -> list[Result]:
@@ -133,16 +130,6 @@ def idle(run: Run) -> list[Table]:
     return [nothing.table(found)]
 
 
-def spots(run: Run) -> list[Table]:
-    found = []
-    for one in blind_spots.measured(run.contest, run.amount.cell, run.purpose):
-        found.append(one)
-        run.clock(f'blind spots: {one.cell.curve} {one.cell.words}, {KIND[one.cell.on_off]}: {one.rates[OURS]} %')
-    blind_spots.draw_curves(run.output / 'recognition_blind_spots.png', found)
-    blind_spots.write_spots(run.output / 'blind_spots.csv', found)
-    return [blind_spots.table(found)]
-
-
 def field(run: Run) -> list[Table]:
     results = run.results(field_cases(FIELD_AREAS, run.amount.field, run.purpose), 'field conditions')
     rates = tables.rates('Field conditions', 'one condition differs from the nominal ones; UNKNOWN counts as not '
@@ -156,9 +143,8 @@ def recordings(run: Run) -> list[Table]:
 
 SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
-    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'blind-spots': spots,
-    'speed': speed, 'field': field}
+    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'speed': speed,
+    'field': field}
 WITHOUT_ANCHORS = frozenset({'nothing', 'several', 'halo', 'held'})
-AGAINST_ANCHORS = frozenset({'blind-spots', 'speed'})  #: Sections that only compare our method with the anchors.
+AGAINST_ANCHORS = frozenset({'speed'})  #: Sections that only compare our method with the anchors.
 ALONE = frozenset({'speed'})
-LONGEST = 'blind-spots'  #: The longest section starts first, so that it does not run alone at the end.
