@@ -65,14 +65,13 @@ def clean(run: Run) -> list[Table]:
     results = run.results(clean_cases(AREAS, run.amount.clean, run.purpose), 'clean frames')
     rates = tables.rates('Clean frames', 'share recognised [%] with 95 % Wilson intervals; the verdict compares ours '
                          'with the interval of the better anchor', results)
-    return [rates, tables.lost(results), tables.probabilities(results)]
+    return [rates, tables.probabilities(results)]
 
 
 def mechanics(run: Run) -> list[Table]:
     results = run.results(mechanics_cases(run.amount.mechanics, run.purpose), 'contact mechanics')
-    rates = tables.rates('Contact mechanics', 'computed frames of indenters on an elastic half-space; share that is '
-                         'recognised without options [%]', results)
-    return [tables.against_bars(results), rates]
+    return [tables.rates('Contact mechanics', 'computed frames of indenters on an elastic half-space; share that is '
+                         'recognised without options [%]', results)]
 
 
 def several_contacts(run: Run) -> list[Table]:
@@ -117,8 +116,7 @@ def foreign(run: Run) -> list[Table]:
 def blemish(run: Run) -> list[Table]:
     figures = max(2, run.amount.figures // 4)
     results = run.results(familiar.blemish_cases(figures, run.amount.pressed, run.purpose), 'blemish')
-    whole = run.results(familiar.whole_cases(run.amount.figures, run.amount.clean, run.purpose), 'without a blemish')
-    return [familiar.blemish_table(results), familiar.whole_table(whole)]
+    return [familiar.blemish_table(results)]
 
 
 def idle(run: Run) -> list[Table]:
