@@ -4,7 +4,7 @@ The script bench_pose.py records its tables itself. The tables of bench_box.py a
 the output of these scripts.
 """
 
-from bench.recognition.views import ResultPage, Row, View, across, columns, names, of
+from bench.recognition.views import ResultPage, Row, View, across, columns, of
 
 FOLDER = 'pose_tables'  #: Folder of the recorded tables, next to the page.
 READING = ('All errors are medians. The error of the centre is in pitches. The error of the angle is in degrees and '
@@ -42,11 +42,6 @@ VIEWS = (
          'Against the area', ('N',),
          across('frames', lambda row: f'{row["centre / angle / length"]}; '
                                       f'{row["95 % region holds the truth"].split("%")[0]}')),
-    View('Beside simple alternatives', 'The table combines all five shapes at N = 50. Each cell shows the errors of '
-         'centre / angle / length. *ours* is the fit of this package. *moments* uses closed forms up to the fourth '
-         'moment, which also assume the shape. *least rectangle* is the smallest rectangle around the taxels.',
-         'Beside simple alternatives', ('frames',), names('ours', 'moments', 'least rectangle'),
-         lambda row: row['frames'] in ('clean', 'on/off')),
     View('95 % regions at N = 50', 'The required share is 93-97 %.', 'Regions', ('frames',),
          columns(all=of('all'), least_of_the_five=_least)),
     View('Which corner is the apex', 'In a nearly equilateral triangle, any corner may look like the apex. The fit '
