@@ -1,4 +1,4 @@
-"""Measure the accuracy and cost of pose, size, covariance and fusion.
+"""Measure the accuracy and cost of pose, size, and covariance.
 
 Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate]
 
@@ -19,7 +19,6 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
 import numpy as np
-import pose_fusion
 import pose_mechanics
 from pose_world import CONDITIONS, draw, error, same_handedness
 from scipy.stats import binom, chi2
@@ -207,7 +206,6 @@ def main() -> None:
         part(report, fitted)
     by_area(report, max(args.patterns // 3, 20))
     pose_mechanics.report(report.table, max(args.patterns // 2, 20))
-    pose_fusion.measure(report)
     (report.folder / 'about.txt').write_text(
         f'Written by `python bench/bench_pose.py --patterns {args.patterns}`: {args.patterns} new contacts '
         'in each cell, evaluation seeds.\n', encoding='utf-8')

@@ -1,4 +1,4 @@
-"""The page with the results of pose, size and fusion, which shows the main columns of the recorded tables.
+"""The page with the results of pose and size, which shows the main columns of the recorded tables.
 
 The script bench_pose.py records its tables itself. The tables of bench_box.py and bench_calibration.py are copied from
 the output of these scripts.
@@ -71,16 +71,6 @@ VIEWS = (
          'Least rectangle', ('object',), across('N', _box), lambda row: row['N'] in ('12', '100')),
     View('Time of one fit', 'The table shows the processor time on one core [ms].', 'Time of one fit', ('frames',),
          lambda rows: {shape: _median(rows[0], shape) for shape in rows[0] if shape != 'frames'},
-         lambda row: row['frames'] in ('clean', 'on/off')),
-    View('Fusion of successive frames', 'There are 40 sequences at 100 Hz. Each has 60 frames of one shape and then 60 '
-         'frames of another shape, without an empty frame between them. The contact creeps by 0.01 pitches per frame, '
-         'with a blur of 0.5 pitches and 2 % noise. *settled* is the share of right frames, without the first 100 ms '
-         'of a sequence and without the 200 ms after the change. *flicker* is the number of changes of the reported '
-         'shape per 100 frames; the true change is not counted.',
-         'Fusion of successive frames', ('recogniser', 'N'),
-         columns(right_single=of('right, single frames'),
-                 settled=of('right, fused, from 100 ms (200 ms after a change) on'),
-                 flicker_single=of('flicker single'), flicker_fused=of('flicker fused'),
-                 frames_to_follow=lambda row: row['frames to follow a change, median; 95 %; most'])))
-PAGE = ResultPage('bench/bench_pose.py --page', 'pose_results.md', FOLDER, 'Pose, size and fusion, as measured',
+         lambda row: row['frames'] in ('clean', 'on/off')))
+PAGE = ResultPage('bench/bench_pose.py --page', 'pose_results.md', FOLDER, 'Pose and size, as measured',
                   READING, VIEWS)
