@@ -27,8 +27,6 @@ sys.path.insert(0, str(ROOT))
 from bench.recognition.contest import Contest
 from bench.recognition.page import Table
 from bench.recognition.sections import (
-    AGAINST_ANCHORS,
-    ALONE,
     FULL,
     QUICK,
     SECTIONS,
@@ -109,10 +107,10 @@ def write_pages(folder: Path, recorded: Collection[str] | None = None) -> None:
 def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, list[Table]]]:
     """Yield each section once it is finished.
 
-    Up to ``jobs`` sections run at a time. Sections that measure time run alone at the end.
+    Up to ``jobs`` sections run at a time.
     """
     fork = get_context('fork')  # forked processes share the memory of the anchors
-    waiting, running = [name for name in names if name not in ALONE], {}
+    waiting, running = list(names), {}
     while waiting or running:
         while waiting and len(running) < jobs:
             receiver, sender = fork.Pipe(duplex=False)
@@ -124,9 +122,6 @@ def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, l
             name, process = running.pop(receiver)
             yield name, receiver.recv()
             process.join()
-    for name in names:
-        if name in ALONE:
-            yield name, SECTIONS[name](run)
 
 
 def _send(sender: Connection, run: Run, name: str) -> None:
@@ -144,11 +139,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help='folder of the training samples')
     parser.add_argument('--jobs', type=int, default=2, help='number of processes, default %(default)s')
     parser.add_argument('--weights', default='recogniser.npz')
-    parser.add_argument('--alone', action='store_true', help='skip the anchors and the sections about them')
-    args = parser.parse_args()
-    if args.alone:
-        args.only = [name for name in args.only if name not in AGAINST_ANCHORS]
-    return args
+    parser.add_argument('--alone', action='store_true', help='skip the anchors')
+    return parser.parse_args()
 
 
 if __name__ == '__main__':

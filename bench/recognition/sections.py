@@ -30,13 +30,12 @@ class Amount(NamedTuple):
     figures: int    #: number of figures per family of foreign shapes; each blemished shape gets a quarter of them
     pressed: int    #: number of frames for each family and size
     sequences: int  #: number of idle sequences of each kind
-    repeat: int     #: number of timed frames
 
 
 FULL = Amount(share=0.3, epochs=4, clean=3000, field=400, mechanics=2000, pads=100, figures=100, pressed=400,
-              sequences=nothing.ENOUGH, repeat=400)
+              sequences=nothing.ENOUGH)
 QUICK = Amount(share=0.07, epochs=2, clean=300, field=60, mechanics=100, pads=20, figures=12, pressed=60,
-               sequences=20, repeat=100)
+               sequences=20)
 
 
 class Clock(Protocol):
@@ -102,10 +101,6 @@ def held_contacts(run: Run) -> list[Table]:
     return [held.table(found)]
 
 
-def speed(run: Run) -> list[Table]:
-    return [tables.speed(run.contest, run.amount.repeat, run.purpose)]
-
-
 def foreign(run: Run) -> list[Table]:
     known = run.results(familiar.whole_cases(5 * run.amount.figures, run.amount.clean, Purpose.VALIDATION),
                         'known shapes for the limits')
@@ -141,8 +136,5 @@ def recordings(run: Run) -> list[Table]:
 
 SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
-    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'speed': speed,
-    'field': field}
+    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'field': field}
 WITHOUT_ANCHORS = frozenset({'nothing', 'several', 'halo', 'held'})
-AGAINST_ANCHORS = frozenset({'speed'})  #: Sections that only compare our method with the anchors.
-ALONE = frozenset({'speed'})
