@@ -33,6 +33,7 @@ from training.ground_truth.mechanics import Solution, solve
 from training.ground_truth.seeds import Purpose, generator
 
 SEED = 70_000_000
+PITCH = 0.002  #: Pitch of the calibrated skin [m]. All other lengths are in pitches.
 DEPTHS = (0.35, 0.8)  #: Depths of the taxels [pitches].
 
 #: Curves that convert pressure to a reading, both as fractions of full scale.
@@ -66,7 +67,7 @@ def other_objects(rng: np.random.Generator) -> Objects:
 
 
 def calibrated(rng: np.random.Generator, skin: PoseSkin) -> FoundResponse:
-    """Calibrate the skin with light and firm presses of the known disc, and return its response."""
+    """Calibrate the skin with light and firm presses of the known disc. The depth of the response is in pitches."""
     solution, outline = known_disc(SHARP)
     presses = []
     while len(presses) < PRESSES:
@@ -75,8 +76,11 @@ def calibrated(rng: np.random.Generator, skin: PoseSkin) -> FoundResponse:
                   if frame.mask.sum() >= PressFinder.least_taxels]
         if usable:
             presses.append(Touch(tuple(usable)))
-    radius = float(np.sqrt(KNOWN_AREA / np.pi))
-    return calibrate(presses, Disc(radius, SHARP * radius), 1.0, '')
+    radius = PITCH * float(np.sqrt(KNOWN_AREA / np.pi))
+    found = calibrate(presses, Disc(radius, SHARP * radius), PITCH, '')
+    layer = found.response.layer
+    in_pitches = layer._replace(depth=layer.depth / PITCH)
+    return found._replace(response=found.response._replace(layer=in_pitches))
 
 
 def report(count: int, purpose: Purpose) -> None:

@@ -9,7 +9,6 @@ with seeds from 1000 on, and the reported seeds begin at 0. The benchmark needs 
     make grasps                     # 100 starts for each column; each finished start is a line in
                                     # build/grasps/starts.jsonl, and a second run continues
     python bench/bench_grasps.py --report | --latency | --film docs/grasp.gif
-    python bench/bench_grasps.py --columns touch,shape,sensor --starts 13 --items circle,square,...  # no triangles
 
 The simulation and the nodes run in real time and use two cores. On a busy machine, the nodes receive frames too late
 and stop the gripper.
@@ -39,7 +38,6 @@ from examples.simulated_gripper.items import ITEMS
 from examples.simulated_gripper.world import AIM, SIDES, Place, random_place
 
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
-OWN_SESSION = ('hold', 'sensor')  #: Columns that need a separate session, with other parameters or another world.
 ENDS = ('held', 'dropped', 'broken', 'refused')  #: A start is refused if the planner gives up before the squeeze.
 SPEEDS = 0.005, 0.02, 0.05  # closing speeds [m/s]
 REPEATS = 5  # number of closing goals per start, speed and force limit
@@ -92,15 +90,15 @@ def run(args: argparse.Namespace, link: Path) -> None:
     from grasp_session import HOLD, PARAMETERS, Session, WatchedWorld
     done = read(args.output)
     seeds = range(args.seed, args.seed + args.starts)
-    todo = {(name, own): [(seed, column) for seed in seeds for column in args.columns
-                          if (column if column in OWN_SESSION else '') == own and (column, name, seed) not in done]
-            for name in args.items for own in ('', *OWN_SESSION)}
+    todo = {(name, holds): [(seed, column) for seed in seeds for column in args.columns
+                            if (column == 'hold') is holds and (column, name, seed) not in done]
+            for name in args.items for holds in (False, True)}  # the column hold needs a session with other parameters
     left, began, finished = sum(map(len, todo.values())), time.monotonic(), 0
-    for (name, own), starts in todo.items():
+    for (name, holds), starts in todo.items():
         if not starts:
             continue
-        world = WatchedWorld(ITEMS[name], AIM, own == 'sensor')
-        with (Session(world, link, HOLD if own == 'hold' else PARAMETERS) as session,
+        world = WatchedWorld(ITEMS[name])
+        with (Session(world, link, HOLD if holds else PARAMETERS) as session,
               args.output.open('a', encoding='utf-8') as file):
             gc.freeze()  # a full garbage collection would delay a sweep
             for seed, column in starts:
@@ -113,7 +111,7 @@ def run(args: argparse.Namespace, link: Path) -> None:
 
 
 def report(found: dict, args: argparse.Namespace) -> None:
-    """Print and plot the results of all starts that are finished in every column."""
+    """Print the results of all starts that are finished in every column."""
     seeds = range(args.seed, args.seed + args.starts)
     starts = [(name, seed) for name in args.items for seed in seeds
               if all((column, name, seed) in found for column in args.columns)]
@@ -122,20 +120,18 @@ def report(found: dict, args: argparse.Namespace) -> None:
         return
     print(f'{len(starts)} starts; held (95 %); dropped, broken, refused\n{"":20}'
           + ''.join(f'{column:>34}' for column in args.columns))
-    rows = {}
     for name in (*args.items, 'all'):
         of_item = [start for start in starts if name in (start[0], 'all')]
-        rows[name] = [[sum(found[(column, *start)]['end'] == end for start in of_item) for end in ENDS]
-                      for column in args.columns]
+        ends = [[sum(found[(column, *start)]['end'] == end for start in of_item) for end in ENDS]
+                for column in args.columns]
         if of_item:
             print(f'{name:20}' + ''.join(f'{share(counts[0], len(of_item)):>18}'
-                                         f'{", ".join(map(str, counts[1:])):>16}' for counts in rows[name]))
+                                         f'{", ".join(map(str, counts[1:])):>16}' for counts in ends))
     for first, second in combinations(args.columns, 2):
         pairs = [tuple(found[(column, *start)]['end'] == 'held' for column in (first, second)) for start in starts]
         print(comparison(first, second, pairs))
     for column in args.columns:
         _print_numbers(column, [found[(column, *start)] for start in starts])
-    _draw(rows, args, args.output.with_suffix('.png'))
 
 
 def comparison(first: str, second: str, pairs: list[tuple[bool, ...]]) -> str:
@@ -172,24 +168,6 @@ def _print_numbers(column: str, records: list[dict]) -> None:
         counts = {word: words.count(word) for word in sorted(set(words)) if 'NOT_GIVEN_UP' not in word}
         if counts:
             print(f'    {key}: ' + ', '.join(f'{word} {count}' for word, count in counts.items()))
-
-
-def _draw(rows: dict[str, list[list[int]]], args: argparse.Namespace, file: Path) -> None:
-    from matplotlib.figure import Figure
-    figure = Figure(figsize=(10, 4), layout='constrained')
-    for axes, (number, column) in zip(figure.subplots(1, len(args.columns), sharey=True, squeeze=False)[0],
-                                      enumerate(args.columns)):
-        left = np.zeros(len(args.items))
-        for end, colour in zip(ENDS, ('tab:green', 'tab:orange', 'tab:red', 'lightgrey')):
-            counts = np.array([rows[name][number][ENDS.index(end)] for name in args.items])
-            axes.barh(args.items, counts, left=left, color=colour, label=end)
-            left += counts
-        axes.set_title(f'{column}: {rows["all"][number][0]} of {sum(rows["all"][number])} held')
-        axes.set_xlabel('starts')
-    axes.invert_yaxis()
-    figure.legend(*axes.get_legend_handles_labels(), loc='outside lower center', ncols=len(ENDS))
-    figure.savefig(file, dpi=110)
-    print(file)
 
 
 def measure_latency(args: argparse.Namespace, link: Path) -> None:

@@ -1,4 +1,4 @@
-"""Measure the accuracy and cost of pose, size, covariance and fusion, and compare them with simple alternatives.
+"""Measure the accuracy and cost of pose, size, and covariance.
 
 Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate]
 
@@ -19,9 +19,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
 import numpy as np
-import pose_fusion
 import pose_mechanics
-from pose_world import CONDITIONS, by_moments, by_rectangle, draw, error, same_handedness
+from pose_world import CONDITIONS, draw, error, same_handedness
 from scipy.stats import binom, chi2
 
 from bench import pose_summary
@@ -120,17 +119,6 @@ def accuracy(report: PoseReport, fitted: dict) -> None:
         kind, f'{kind.removesuffix(" %")}, 95th percentile'))], rows)
 
 
-def alternatives(report: PoseReport, fitted: dict) -> None:
-    rows = []
-    for condition in CONDITIONS:
-        of = [fitted[condition, shape] for shape in CLASSES]
-        ours = [each for one in of for each in one.errors]
-        rows.append([condition, _medians(ours), *(_medians([
-            error(method(sample), OUTLINES[Shape(one.shape)].symmetry, sample.contact)
-            for one in of for sample in one.samples]) for method in (by_moments, by_rectangle))])
-    report.table('Beside simple alternatives', ['frames', 'ours', 'moments', 'least rectangle'], rows)
-
-
 def _medians(errors) -> str:
     return ' / '.join(f'{np.nanmedian([getattr(each, kind) for each in errors]):.3g}' for kind in TARGETS)
 
@@ -214,11 +202,10 @@ def main() -> None:
     report = PoseReport(args.output / pose_summary.FOLDER)
     fitted = {(condition, shape): Fitted(shape, condition, AREA, args.patterns, purpose=Purpose.EVALUATION)
               for condition in CONDITIONS for shape in CLASSES}
-    for part in (accuracy, alternatives, regions, corners, times):
+    for part in (accuracy, regions, corners, times):
         part(report, fitted)
     by_area(report, max(args.patterns // 3, 20))
     pose_mechanics.report(report.table, max(args.patterns // 2, 20))
-    pose_fusion.measure(report)
     (report.folder / 'about.txt').write_text(
         f'Written by `python bench/bench_pose.py --patterns {args.patterns}`: {args.patterns} new contacts '
         'in each cell, evaluation seeds.\n', encoding='utf-8')

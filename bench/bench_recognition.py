@@ -3,7 +3,7 @@
 Run `make bench`, or: .venv-bench/bin/python bench/bench_recognition.py [--quick] [--only SECTION ...]
 
 The script trains the CNN and the trees, called the anchors, on the samples of `make train`. The script then writes
-tables/, blind_spots.csv, the pages and a picture.
+tables/ and the pages.
 
 With --page FOLDER, the script measures nothing and rewrites the pages from the tables in FOLDER. With --validation, the
 script uses seeds and families of foreign and blemished figures that are never reported. Use --validation for choices
@@ -27,10 +27,7 @@ sys.path.insert(0, str(ROOT))
 from bench.recognition.contest import Contest
 from bench.recognition.page import Table
 from bench.recognition.sections import (
-    AGAINST_ANCHORS,
-    ALONE,
     FULL,
-    LONGEST,
     QUICK,
     SECTIONS,
     WITHOUT_ANCHORS,
@@ -64,7 +61,7 @@ def main() -> int:
     anchors = {True: [], False: []} if args.alone or set(args.only) <= WITHOUT_ANCHORS else trained_anchors(
         args, amount, clock)
     recogniser = Recogniser(file=config_path(args.weights))
-    run = Run(Contest(recogniser, anchors), recogniser, amount, output=args.output, clock=clock,
+    run = Run(Contest(recogniser, anchors), recogniser, amount, clock=clock,
               purpose=Purpose.VALIDATION if args.validation else Purpose.EVALUATION)
     found = {}
     for name, section in measured(args.only, run, args.jobs):
@@ -110,10 +107,10 @@ def write_pages(folder: Path, recorded: Collection[str] | None = None) -> None:
 def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, list[Table]]]:
     """Yield each section once it is finished.
 
-    Up to ``jobs`` sections run at a time. Sections that measure time run alone at the end.
+    Up to ``jobs`` sections run at a time.
     """
     fork = get_context('fork')  # forked processes share the memory of the anchors
-    waiting, running = sorted((name for name in names if name not in ALONE), key=lambda name: name != LONGEST), {}
+    waiting, running = list(names), {}
     while waiting or running:
         while waiting and len(running) < jobs:
             receiver, sender = fork.Pipe(duplex=False)
@@ -125,9 +122,6 @@ def measured(names: Sequence[str], run: Run, jobs: int) -> Iterator[tuple[str, l
             name, process = running.pop(receiver)
             yield name, receiver.recv()
             process.join()
-    for name in names:
-        if name in ALONE:
-            yield name, SECTIONS[name](run)
 
 
 def _send(sender: Connection, run: Run, name: str) -> None:
@@ -145,11 +139,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument('--samples', type=Path, default=ROOT / 'build/samples', help='folder of the training samples')
     parser.add_argument('--jobs', type=int, default=2, help='number of processes, default %(default)s')
     parser.add_argument('--weights', default='recogniser.npz')
-    parser.add_argument('--alone', action='store_true', help='skip the anchors and the sections about them')
-    args = parser.parse_args()
-    if args.alone:
-        args.only = [name for name in args.only if name not in AGAINST_ANCHORS]
-    return args
+    parser.add_argument('--alone', action='store_true', help='skip the anchors')
+    return parser.parse_args()
 
 
 if __name__ == '__main__':

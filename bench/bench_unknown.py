@@ -160,33 +160,12 @@ def compare(found: dict[tuple[str, int], dict], columns: list[str], done: list[i
               f'differences below {shown:.0f} points would not show (power 80 %)')
 
 
-def draw(found: dict[tuple[str, int], dict], columns: list[str], done: list[int], file: Path) -> None:
-    """Draw the end of each start against the needed force and the strength of the object."""
-    from matplotlib.figure import Figure
-    figure = Figure(figsize=(11, 3.6), layout='constrained')
-    for axes, column in zip(figure.subplots(1, len(columns), sharey=True), columns):
-        records = [found[column, seed] for seed in done]
-        for end, marker, colour in zip(ENDS, '.v^x', ('tab:green', 'tab:orange', 'tab:red', 'black')):
-            points = [(each['need'], each['strength']) for each in records if each['end'] == end]
-            axes.plot(*np.reshape(points, (-1, 2)).T, marker, color=colour, label=end, markersize=5)
-        held = sum(each['end'] == 'held' for each in records)
-        axes.set(title=f'{column}: {held} of {len(done)} held', xlabel='needed force [N]', xscale='log', yscale='log')
-        axes.set_xticks((0.5, 1, 2, 4), ('0.5', '1', '2', '4'))
-        axes.set_yticks((4, 10, 20, 40), ('4', '10', '20', '40'))
-        axes.minorticks_off()
-        axes.grid(alpha=0.3)
-    figure.axes[0].set_ylabel('force that breaks the object [N]')
-    figure.legend(*axes.get_legend_handles_labels(), loc='outside lower center', ncols=len(ENDS))
-    figure.savefig(file, dpi=100)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--columns', default='fixed:6,touch:6,hold:4,best', metavar='NAME:FORCE,...')
     parser.add_argument('--starts', type=int, default=300, help='number of starts (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='first seed; tuning begins at 1000 (default: %(default)s)')
     parser.add_argument('--output', type=Path, default=ROOT / 'bench/unknown_starts.jsonl', metavar='FILE')
-    parser.add_argument('--plot', type=Path, metavar='PNG', help='draw the ends of all starts')
     args = parser.parse_args()
     columns, seeds, found = args.columns.split(','), range(args.seed, args.seed + args.starts), read(args.output)
     args.output.parent.mkdir(parents=True, exist_ok=True)
@@ -200,8 +179,6 @@ def main() -> None:
     done = report(found, columns, seeds)
     if done and {'fixed', 'touch', 'hold'} <= {column.partition(':')[0] for column in columns}:
         compare(found, columns, done)
-    if done and args.plot:
-        draw(found, columns, done, args.plot)
 
 
 if __name__ == '__main__':

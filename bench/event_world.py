@@ -57,7 +57,6 @@ class Sighting(NamedTuple):
     time: float
     place: dict[str, float]
     sight: Sight
-    naive: np.ndarray  # centre of pressure of the raw values [pitches]
 
 
 class Frame(NamedTuple):
@@ -66,7 +65,6 @@ class Frame(NamedTuple):
     time: float
     place: dict[str, float]
     motion: Motion
-    naive: np.ndarray  # centre of pressure of the raw values [pitches]
 
 
 class FingerSkin(NamedTuple):
@@ -175,16 +173,14 @@ class Scene:
                 sight = Sight(stamp + time, found.pattern, found.visibility, found.moments, None, 0.0, PITCH, False)
             else:
                 sight = sight_of(pipeline.recognise(found, stamp + time), stamp + time)
-            raw = np.nan_to_num(values)
-            y, x = np.indices(raw.shape)
-            frames.append(Sighting(time, place, sight, np.array(((raw * x).sum(), (raw * y).sum())) / raw.sum()))
+            frames.append(Sighting(time, place, sight))
         return frames
 
 
 def followed(seen: list[Sighting], shift_per_load: float = SHIFT_PER_LOAD) -> list[Frame]:
     """Return the motions that follow from the measurements with the parameter ``shift_per_load`` [m]."""
     follower = MotionFollower(shift_per_load)
-    return [Frame(each.time, each.place, follower.update(each.sight), each.naive) for each in seen]
+    return [Frame(each.time, each.place, follower.update(each.sight)) for each in seen]
 
 
 def _middle(stress: np.ndarray) -> np.ndarray:

@@ -5,7 +5,6 @@
 - `shape`: the gripper node closes with a light force. examples/planner_client.py and examples/grasp_loop.py correct the
   hand. The gripper then squeezes with the same force as in `touch`.
 - `hold`: the gripper node closes as in `touch`, then keeps the force and raises it when the item slides.
-- `sensor`: the same as `shape`, but with pressures from MuJoCo's own tactile sensor.
 """
 
 import time
@@ -160,4 +159,4 @@ def belief(grasp: Grasp, session: Session, item: Item) -> Record:
 
 
 COLUMNS: Mapping[str, Callable[[Session, Item], Record]] = MappingProxyType({
-    'blind': _blind, 'touch': _touch, 'shape': _shape, 'hold': _hold, 'sensor': _shape})
+    'blind': _blind, 'touch': _touch, 'shape': _shape, 'hold': _hold})

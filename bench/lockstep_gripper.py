@@ -10,7 +10,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from bench_lifts import PERIOD
 from planner_chain import DELAY, PlannerChain
 from planner_world import noisy
 
@@ -26,6 +25,7 @@ from tactile_node.gripper.rules.control import Ending, TouchControl, Wish
 from tactile_node.gripper.rules.touch_settings import TouchSettings
 from tactile_node.taxel_frame import SkinSide
 
+PERIOD = 0.02  #: time between two frames [s]
 LOOK = 0.01    #: time between two checks of the rules [s]
 EFFORT = 10.0  #: parameter gripper_effort [N]
 ALL_SIDES = SkinSide.FIRST_ROW | SkinSide.LAST_ROW | SkinSide.FIRST_COL | SkinSide.LAST_COL  #: ends of the fingers

@@ -1,10 +1,10 @@
-"""The page with the results of pose, size and fusion, which shows the main columns of the recorded tables.
+"""The page with the results of pose and size, which shows the main columns of the recorded tables.
 
 The script bench_pose.py records its tables itself. The tables of bench_box.py and bench_calibration.py are copied from
 the output of these scripts.
 """
 
-from bench.recognition.views import ResultPage, Row, View, across, columns, names, of
+from bench.recognition.views import ResultPage, Row, View, across, columns, of
 
 FOLDER = 'pose_tables'  #: Folder of the recorded tables, next to the page.
 READING = ('All errors are medians. The error of the centre is in pitches. The error of the angle is in degrees and '
@@ -42,11 +42,6 @@ VIEWS = (
          'Against the area', ('N',),
          across('frames', lambda row: f'{row["centre / angle / length"]}; '
                                       f'{row["95 % region holds the truth"].split("%")[0]}')),
-    View('Beside simple alternatives', 'The table combines all five shapes at N = 50. Each cell shows the errors of '
-         'centre / angle / length. *ours* is the fit of this package. *moments* uses closed forms up to the fourth '
-         'moment, which also assume the shape. *least rectangle* is the smallest rectangle around the taxels.',
-         'Beside simple alternatives', ('frames',), names('ours', 'moments', 'least rectangle'),
-         lambda row: row['frames'] in ('clean', 'on/off')),
     View('95 % regions at N = 50', 'The required share is 93-97 %.', 'Regions', ('frames',),
          columns(all=of('all'), least_of_the_five=_least)),
     View('Which corner is the apex', 'In a nearly equilateral triangle, any corner may look like the apex. The fit '
@@ -76,16 +71,6 @@ VIEWS = (
          'Least rectangle', ('object',), across('N', _box), lambda row: row['N'] in ('12', '100')),
     View('Time of one fit', 'The table shows the processor time on one core [ms].', 'Time of one fit', ('frames',),
          lambda rows: {shape: _median(rows[0], shape) for shape in rows[0] if shape != 'frames'},
-         lambda row: row['frames'] in ('clean', 'on/off')),
-    View('Fusion of successive frames', 'There are 40 sequences at 100 Hz. Each has 60 frames of one shape and then 60 '
-         'frames of another shape, without an empty frame between them. The contact creeps by 0.01 pitches per frame, '
-         'with a blur of 0.5 pitches and 2 % noise. *settled* is the share of right frames, without the first 100 ms '
-         'of a sequence and without the 200 ms after the change. *flicker* is the number of changes of the reported '
-         'shape per 100 frames; the true change is not counted.',
-         'Fusion of successive frames', ('recogniser', 'N'),
-         columns(right_single=of('right, single frames'),
-                 settled=of('right, fused, from 100 ms (200 ms after a change) on'),
-                 flicker_single=of('flicker single'), flicker_fused=of('flicker fused'),
-                 frames_to_follow=lambda row: row['frames to follow a change, median; 95 %; most'])))
-PAGE = ResultPage('bench/bench_pose.py --page', 'pose_results.md', FOLDER, 'Pose, size and fusion, as measured',
+         lambda row: row['frames'] in ('clean', 'on/off')))
+PAGE = ResultPage('bench/bench_pose.py --page', 'pose_results.md', FOLDER, 'Pose and size, as measured',
                   READING, VIEWS)

@@ -1,13 +1,11 @@
-"""Draw contacts with known pose for bench_pose.py, and compute the errors of fits and simple alternatives."""
+"""Draw contacts with known pose for bench_pose.py, and compute the errors of fits."""
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy import spatial
 
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PressThresholds
-from tactile_node.pose.candidate import first_guesses
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.outlines import OUTLINES
 from tactile_node.shape.recognition import Shape
@@ -81,37 +79,6 @@ def error_from(parameters: np.ndarray, symmetry: int, true: np.ndarray, count: i
         vector[2] = (vector[2] + period / 2) % period - period / 2
     return Error(float(np.hypot(*vector[:2])), float(np.degrees(abs(vector[2]))) if symmetry else np.nan,
                  float(np.abs(vector[-count:] / true[-count:]).max() * 100), vector)
-
-
-def by_moments(sample: PoseSample) -> np.ndarray:
-    """Return the parameters from `first_guesses`, which uses closed forms of moments up to the fourth."""
-    values = np.where(sample.mask & np.isfinite(sample.values), sample.values, 0).astype(float)
-    rows, cols = np.nonzero(values > 0)
-    shape = Shape(sample.contact.shape)
-    parameters, _ = first_guesses(shape, cols, rows, values[rows, cols], 0.0)[0]
-    return parameters
-
-
-def by_rectangle(sample: PoseSample) -> np.ndarray:
-    """Return the shape's parameters, with dimensions from the smallest rectangle around the contact's taxels."""
-    rows, cols = np.nonzero(sample.mask)
-    squares = np.concatenate([np.column_stack((cols + dx, rows + dy)) for dx in (-.5, .5) for dy in (-.5, .5)])
-    hull = squares[spatial.ConvexHull(squares).vertices]
-    edges = np.roll(hull, -1, axis=0) - hull
-    angles = np.arctan2(edges[:, 1], edges[:, 0])
-    cos, sin = np.cos(angles), np.sin(angles)
-    turned = np.stack((hull @ np.stack((cos, sin)), hull @ np.stack((-sin, cos))))
-    low, high = turned.min(1), turned.max(1)
-    best = int(np.prod(high - low, axis=0).argmin())
-    (width, height), angle = (high - low)[:, best], angles[best]
-    middle = (high + low)[:, best] / 2 @ [[cos[best], sin[best]], [-sin[best], cos[best]]]
-    if height > width:
-        width, height, angle = height, width, angle + np.pi / 2
-    outline = OUTLINES[Shape(sample.contact.shape)]
-    if not outline.symmetry:
-        return np.array((*middle, (width + height) / 4))
-    dimensions = ((width + height) / 2,) if len(outline.dimensions) == 1 else (width, height)
-    return np.array((*middle, angle, *dimensions))
 
 
 def same_handedness(fit: ShapeFit, contact: Contact) -> bool:

@@ -41,9 +41,9 @@ class Descent(NamedTuple):
             return 2 * GRIP * FRICTION * TURN_LEVER / self.lever
         return 2 * GRIP * (self.weight + FRICTION * self.pushes)
 
-    def pressed(self, time: float | np.ndarray) -> float | np.ndarray:
-        """Return the force on the table at a time or an array of times [N], if the hand does not stop."""
-        return np.clip(STIFFNESS * self.speed * (time - self.met), 0.0, self.most)
+    def pressed(self, time: float) -> float:
+        """Return the force on the table at a time [N], if the hand does not stop."""
+        return min(max(0.0, STIFFNESS * self.speed * (time - self.met)), self.most)
 
     def path(self, time: float) -> dict[str, float]:
         """Return the load [normal force], and how far the object has slipped [pitches] or turned [rad]."""
@@ -64,17 +64,13 @@ class Hand:
         self._scenes = [Scene(rng, kind, skin=skin) for _ in range(2)]
         self._pipelines = [ContactPipeline(recogniser) for _ in range(2)]
         self._has_fit = has_fit
-        #: direction of the weight on the left and the right pad [rad]
-        self.down = [scene.direction for scene in self._scenes]
-        self.values: list[np.ndarray] = []  #: latest taxel values of the left and the right pad [Pa]
 
     def see(self, path: Path, seconds: float) -> Iterator[HeldReading]:
         """Yield the readings while the load and the place change along ``path``."""
         for number in range(round(seconds * RATE)):
             time = number / RATE
-            self.values = [self._values(scene, path(time), time) for scene in self._scenes]
-            left, right = (self._contact(pipeline, values, time)
-                           for pipeline, values in zip(self._pipelines, self.values))
+            values = [self._values(scene, path(time), time) for scene in self._scenes]
+            left, right = (self._contact(*pad, time) for pad in zip(self._pipelines, values))
             yield HeldReading(time, GraspContact.TWO_SIDED, (left, right), (number + 1, number + 1))
 
     @staticmethod

@@ -5,8 +5,8 @@ If ROS does not provide a package, this module builds it or generates its Python
 Building a package takes 20 s of processor time and happens only once; its messages can then be sent. Generating the
 Python classes takes 1 s, but their messages cannot be sent.
 
-The module contains only the interfaces that our code uses, under the names of the real packages: geometry2, MoveIt 2,
-ros2_control and tactile_toolbox. The interfaces of control_msgs and tf2_msgs have the same type hashes as in the real
+The module contains only the interfaces that our code uses, under the names of the real packages: geometry2, MoveIt 2
+and ros2_control. The interfaces of control_msgs and tf2_msgs have the same type hashes as in the real
 packages, so nodes with either package can exchange messages. The messages of MoveIt lack fields.
 
     python test/built_messages.py PACKAGE ...
@@ -34,8 +34,6 @@ MESSAGES, BUILT = ROOT / 'msg', ROOT / 'build' / 'messages'
 #: Maps each package to the packages that it needs, and to its messages and actions.
 INTERFACES: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     'tf2_msgs': (('geometry_msgs',), {'TFMessage': 'geometry_msgs/TransformStamped[] transforms'}),
-    'tactile_msgs': (('std_msgs', 'sensor_msgs'), {
-        'TactileState': 'std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors'}),
     'moveit_msgs': (('std_msgs', 'geometry_msgs', 'shape_msgs'), {
         'CollisionObject': '''std_msgs/Header header
 geometry_msgs/Pose pose

@@ -38,12 +38,6 @@ def border(points, k):
     return [(r, c) for r, c in points if any((r + dr, c + dc) not in active for dr, dc in steps)]
 
 
-def inside(mask):
-    """Return the number of active taxels whose four edge neighbours are all active."""
-    active = set(taxels(mask))
-    return sum(all((r + dr, c + dc) in active for dr, dc in EDGES) for r, c in active)
-
-
 def of_matrix(points, k):
     """Return the eigenvalue, the information measures and the centre of gravity of A_k for ``points``."""
     n = len(points)

@@ -215,12 +215,3 @@ def collision_object_message():
     with generated_messages('moveit_msgs'):
         from moveit_msgs.msg import CollisionObject
         yield CollisionObject
-
-
-@pytest.fixture(scope='session')
-def tactile_state_message():
-    """The message type that tactile_toolbox accepts."""
-    from built_messages import generated_messages
-    with generated_messages('tactile_msgs'):
-        from tactile_msgs.msg import TactileState
-        yield TactileState

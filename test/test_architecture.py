@@ -37,7 +37,7 @@ ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 
 CAN = {'can', 'canopen'}
 
 #: Modules of bench/recognition/ that generate the test data for the reported results. No model is trained on this data.
-REPORTED = ('foreign', 'blemish', 'stamp', 'idle', 'spots', 'mechanics')
+REPORTED = ('foreign', 'blemish', 'stamp', 'idle', 'mechanics')
 
 
 @cache

@@ -62,8 +62,8 @@ OURS = {'tactile_node', 'tactile_skin', 'bench', 'training', 'examples', 'refere
         *(path.stem for folder in ('tools', 'bench', 'examples') for path in (ROOT / folder).glob('*.py'))}
 #: Modules that only individual tests or examples import. A robot needs them only for such an example, and a developer
 #: only for such a test.
-OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'moveit_configs_utils', 'tactile_msgs', 'playwright',
-            'mujoco', 'control_msgs', 'lerobot', 'rerun'}
+OPTIONAL = {'torch', 'catkin_pkg', 'docutils', 'moveit_msgs', 'moveit_configs_utils', 'playwright', 'mujoco',
+            'control_msgs', 'lerobot', 'rerun'}
 
 
 def imported(folder: str) -> dict[str, str]:

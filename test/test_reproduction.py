@@ -3,7 +3,6 @@
 import csv
 import re
 
-import by_definition
 import numpy as np
 import pytest
 
@@ -11,10 +10,9 @@ from bench import reproduce
 from bench.reproduce import main
 from bench.reproduction import sampling
 from bench.reproduction.methods import confusion, lost_in_plane
-from bench.reproduction.sampling import Wanted, count_inside, draw, plane_features
+from bench.reproduction.sampling import Wanted, draw, plane_features
 from tactile_node.helmholtz.features import Group, compute_features
 from tactile_node.shape.volf import plane_feature
-from tactile_node.simulator.world import CLASSES
 from training.curve_fitting import COLUMNS
 from training.ground_truth.seeds import Purpose, generator, random_pattern
 
@@ -31,15 +29,6 @@ def test_features_over_all_angles_are_those_of_the_classifier():
     mask = random_pattern(generator(Purpose.TEST, 20), 'square', 60)
     features = compute_features(mask, Group.CLASSIFIER)
     assert plane_features(mask)[:6] == [plane_feature(features, column) for column in COLUMNS]
-
-
-@pytest.mark.parametrize('shape', CLASSES)
-def test_inside_taxels_are_those_with_four_active_neighbours(shape):
-    rng = generator(Purpose.TEST, 23)
-    for area in (3, 15, 60):
-        mask = random_pattern(rng, shape, area)
-        assert count_inside(mask) == by_definition.inside(mask)
-    assert count_inside(np.ones((5, 7), bool)) == 15, 'a full rectangle has (5 - 2) x (7 - 2) inner points'
 
 
 @pytest.mark.slow
@@ -62,7 +51,7 @@ def test_a_small_run_writes_page_and_numbers(tmp_path, capsys, monkeypatch):
     arguments = ['-o', str(folder), '--patterns', '15', '--training', '200', '--jobs', '1']
     assert main(arguments) == 0
     page = (folder / 'index.html').read_text(encoding='utf-8')
-    assert page.count('<img ') == page.count('data:image/svg+xml;base64,') == 12
+    assert page.count('<img ') == page.count('data:image/svg+xml;base64,') == 10
     assert not re.search(r'(src|href)="(?!data:)', page), 'the page must not need another file'
     with open(folder / 'rates.csv', encoding='utf-8', newline='') as stream:
         rows = list(csv.DictReader(stream))

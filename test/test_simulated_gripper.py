@@ -15,7 +15,7 @@ import pytest
 from rclpy.action import ActionClient
 from ros_bench import RosBench
 
-from bench.planner_world import PITCH, ROWS, STIFFNESS
+from bench.planner_world import PITCH, ROWS, STIFFNESS, noisy
 from examples.simulated_gripper.console import obey
 from examples.simulated_gripper.drive import DELAY, Command
 from examples.simulated_gripper.items import ITEMS
@@ -32,9 +32,11 @@ from examples.simulated_gripper.world import (
     World,
     random_place,
 )
-from tactile_node.errors import ConfigurationError, InputError
+from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import PadPose, Transform
 from tactile_node.pose.events import Moving
+from tactile_node.pose.motion import MotionFollower
+from tactile_node.pose.pipeline import ContactPipeline, Taxels, sight_of
 from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Grasp
 
@@ -185,11 +187,29 @@ def test_a_lift_moves_the_pressure_down_by_the_weight_on_each_pad():
     {*ITEMS} - {'square', 'slippery', 'bottle'}))])  # the slippery block and the heavy bottle slide at this force
 def test_a_lift_and_a_shake_are_no_slide(name):
     """A reported slide lets the hold press harder, and may break the item."""
-    from bench_lifts import STAYED, handled
-    world = gripped(name)
-    found = handled(world, make_recogniser(), np.random.default_rng(5))
-    assert found.slid < STAYED and world.outcome is Outcome.HELD
-    assert Moving.SHIFTING in found.in_shake and Moving.SLIDING not in found.in_lift | found.in_shake
+    world, recogniser, random = gripped(name), make_recogniser(), np.random.default_rng(5)
+    pads = {side: (ContactPipeline(recogniser), MotionFollower()) for side in SIDES}
+
+    def movements(rest):
+        """Return all movements that the pads report until the hand has rested for ``rest`` seconds."""
+        moving, end = Moving.NOT_KNOWN, world.now + rest
+        while world.now < end:
+            end = world.now + rest if world.is_moving else end
+            world.step(0.02)
+            for side, (pipeline, motions) in pads.items():
+                found = pipeline.find(noisy(world.pressures(side), random), Taxels(PITCH, 'Pa'))
+                moving |= motions.update(sight_of(pipeline.recognise(found, world.now), world.now)).moving
+        return moving
+    movements(0.8)
+    before = {side: world.item_in(side).translation for side in SIDES}
+    world.move(lift=0.1)
+    in_lift = movements(0.3)
+    world.shake(1.0)
+    in_shake = movements(0.5)
+    assert world.outcome is Outcome.HELD
+    for side in SIDES:
+        assert np.hypot(*(world.item_in(side).translation - before[side])[:2]) < 0.3e-3
+    assert Moving.SHIFTING in in_shake and Moving.SLIDING not in in_lift | in_shake
 
 
 @physics
@@ -253,27 +273,6 @@ def test_both_pads_see_an_item_where_it_is():
     left, right = map(world.pressures, ('left', 'right'))
     assert [np.arange(ROWS) @ each.sum(0) / each.sum() for each in (left, right)] == pytest.approx([10.5] * 2, abs=0.2)
     np.testing.assert_allclose(left[::-1], right, atol=0.05 * left.max())  # The rows of this pad run upwards.
-
-
-@physics
-def test_the_sensors_of_mujoco_feel_a_ball_where_it_is():
-    world = World(ITEMS['ball'], Place(0.004, 0.0, 0.0), has_sensors=True)
-    world.move(lift=-0.003)
-    world.step(1.0)
-    world.command(Command(0.0, effort=2.0))
-    world.step(2.0)
-    for side in SIDES:
-        felt_there, (x, y, _) = world.pressures(side), world.item_in(side).translation
-        rows, columns = np.indices(felt_there.shape)
-        assert felt_there.sum() * PITCH**2 == pytest.approx(world.forces[side])
-        assert np.average(columns, weights=felt_there) == pytest.approx(x / PITCH, abs=0.1) != 7.5
-        assert np.average(rows, weights=felt_there) == pytest.approx(y / PITCH, abs=0.1) != 7.5
-
-
-@physics
-def test_a_form_without_a_sensor_in_mujoco_is_refused():
-    with pytest.raises(InputError, match='box'):
-        World(ITEMS['right_triangle'], has_sensors=True)
 
 
 @physics

@@ -5,7 +5,6 @@ joined. The prepared patch gives the anchors an advantage that they would not ha
 anchors also train on the same samples as our method.
 """
 
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -65,18 +64,6 @@ class Cnn:
                 found.append(functional.softmax(self.model(torch.as_tensor(samples.inputs(part)[0])), 1).numpy())
         return np.concatenate(found)
 
-    def one(self, sample: 'Single') -> np.ndarray:
-        with torch.inference_mode():
-            return functional.softmax(self.model(sample.image), 1).numpy()
-
-
-class Single(NamedTuple):
-    """One prepared frame, used to measure the time of an anchor."""
-
-    image: torch.Tensor  #: tensor of shape (1, 2, SIDE, SIDE)
-    level: np.ndarray    #: uint8, (SIDE, SIDE)
-    scale: float
-
 
 class ContourTrees:
     """300 extremely randomised trees on contour features from OpenCV."""
@@ -94,9 +81,6 @@ class ContourTrees:
 
     def probabilities(self, samples: Samples) -> np.ndarray:
         return self.trees.predict_proba(self.features(samples))
-
-    def one(self, sample: Single) -> np.ndarray:
-        return self.trees.predict_proba(contour_features(sample.level, sample.scale, self.graded)[None])
 
 
 def contour_features(level: np.ndarray, scale: float, graded: bool) -> np.ndarray:

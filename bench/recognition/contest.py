@@ -1,8 +1,7 @@
 """Evaluate our method and the anchors on the same cases."""
 
-from collections.abc import Callable, Iterable
-from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from tactile_node.shape.recogniser import OUTPUTS
 from tactile_node.shape.recognition import Shape
 from training.samples import UNKNOWN, Samples
 
-if TYPE_CHECKING:
-    from bench.recognition.anchors import Single
-
 ORDER = (*OUTPUTS, Shape.NONE)
 OURS = 'ours'
 
@@ -25,8 +21,6 @@ class Anchor(Protocol):
     name: str
 
     def probabilities(self, samples: Samples) -> np.ndarray: ...
-
-    def one(self, sample: 'Single') -> np.ndarray: ...
 
 
 class Result(NamedTuple):
@@ -54,19 +48,6 @@ class Contest:
         for anchor in self.anchors[case.on_off]:
             answers[anchor.name] = anchor.probabilities(case.samples)
         return Result(case, answers)
-
-    def times(self, case: Case, repeat: int) -> dict[str, float]:
-        """Return the median time per frame [s] of each contestant, measured one contestant at a time, as on a robot.
-
-        The time of our method starts from the contact pattern. The time of the anchors starts from a finished patch and
-        does not include the time to make the patch.
-        """
-        chosen = np.arange(repeat) % len(case.patterns)
-        singles = [_single(case.samples, k) for k in chosen]
-        calls = {OURS: (self.ours.recognise, [case.patterns[k] for k in chosen])}
-        calls |= {anchor.name: (anchor.one, singles) for anchor in self.anchors[case.on_off]}
-        return {name: float(np.median([_time(function, one) for one in frames]))
-                for name, (function, frames) in calls.items()}
 
 
 def answers_of(recogniser: Recogniser, patterns: Iterable[ContactPattern]) -> np.ndarray:
@@ -99,17 +80,3 @@ def rejection_at_loss(known: list[Result], outliers: list[Result], name: str, lo
     limit = np.quantile(np.concatenate([foreign_score(result, name) for result in known]), 1 - loss)
     scores = np.concatenate([foreign_score(result, name) for result in outliers])
     return PercentRate(int((scores > limit).sum()), len(scores))
-
-
-def _time(function: Callable, argument: object) -> float:
-    begin = perf_counter()
-    function(argument)
-    return perf_counter() - begin
-
-
-def _single(samples: Samples, k: int) -> 'Single':
-    import torch  # only the anchors need torch
-
-    from bench.recognition.anchors import Single
-    image = torch.as_tensor(samples.inputs([k])[0])
-    return Single(image, samples.levels[k], float(np.exp(samples.geometry[k, 2])))

@@ -119,16 +119,6 @@ def blemish_table(results: list[Result]) -> Table:
     return table
 
 
-def whole_table(results: list[Result]) -> Table:
-    """Return the table of shapes without a blemish, which shows the share that the limit for unknown rejects."""
-    table = Table('The same shapes without a blemish', 'pressed in the same way: share recognised, and share called '
-                  'unknown by ours [%]', ['frames', 'area', 'patterns', *results[0].answers, 'ours unknown, %'])
-    for result in results:
-        table.add(KIND[result.case.on_off], result.case.area, len(result.case.labels),
-                  *(result.rate(name) for name in result.answers), f'{100 * _unknown([result]).value:.2f}')
-    return table
-
-
 def _by_size(results: list[Result], areas: tuple[int, ...]) -> Iterator[tuple[bool, int, list[Result]]]:
     for on_off in (True, False):
         for area in areas:

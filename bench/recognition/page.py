@@ -2,7 +2,6 @@
 
 import csv
 import re
-import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -22,10 +21,6 @@ class Table:
 
     def add(self, *row) -> None:
         self.rows.append([str(value) for value in row])
-
-    def markdown(self) -> str:
-        text = textwrap.fill(self.text, WIDTH, break_on_hyphens=False)
-        return '\n'.join([f'## {self.heading}\n', text, '', *markdown_table(self.columns, self.rows), ''])
 
     def record(self, folder: Path) -> None:
         """Write all rows as CSV into ``folder``, in a file named after the heading."""
@@ -51,10 +46,3 @@ def file_name(heading: str) -> str:
 
 def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
     return ['| ' + ' | '.join(row) + ' |' for row in (columns, ['---'] * len(columns), *rows)]
-
-
-def write_page(path: Path, title: str, tables: list[Table], pictures: list[tuple[str, str]],
-               script: str) -> None:
-    text = [GENERATED.format(script), f'# {title}\n', *(table.markdown() for table in tables)]
-    text += [f'## {caption}\n\n![{caption}]({file})\n' for file, caption in pictures]
-    path.write_text('\n'.join(text), encoding='utf-8')

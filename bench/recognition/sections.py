@@ -4,10 +4,9 @@ Each section can run alone.
 """
 
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from bench.recognition import blind_spots, familiar, halo_skins, held, nothing, several, tables
+from bench.recognition import familiar, halo_skins, held, nothing, several, tables
 from bench.recognition.cases import Case, clean_cases, field_cases, mechanics_cases, seeded
 from bench.recognition.contest import OURS, Contest, Result
 from bench.recognition.idle import IDLE
@@ -31,14 +30,12 @@ class Amount(NamedTuple):
     figures: int    #: number of figures per family of foreign shapes; each blemished shape gets a quarter of them
     pressed: int    #: number of frames for each family and size
     sequences: int  #: number of idle sequences of each kind
-    cell: int       #: number of patterns in each cell of the blind spots
-    repeat: int     #: number of timed frames
 
 
 FULL = Amount(share=0.3, epochs=4, clean=3000, field=400, mechanics=2000, pads=100, figures=100, pressed=400,
-              sequences=nothing.ENOUGH, cell=2000, repeat=400)
+              sequences=nothing.ENOUGH)
 QUICK = Amount(share=0.07, epochs=2, clean=300, field=60, mechanics=100, pads=20, figures=12, pressed=60,
-               sequences=20, cell=100, repeat=100)
+               sequences=20)
 
 
 class Clock(Protocol):
@@ -52,7 +49,6 @@ class Run(NamedTuple):
     recogniser: Recogniser   #: recogniser with default settings
     amount: Amount
     purpose: Purpose
-    output: Path
     clock: Clock
 
     def results(self, cases: Iterable[Case], what: str) -> list[Result]:
@@ -68,14 +64,13 @@ def clean(run: Run) -> list[Table]:
     results = run.results(clean_cases(AREAS, run.amount.clean, run.purpose), 'clean frames')
     rates = tables.rates('Clean frames', 'share recognised [%] with 95 % Wilson intervals; the verdict compares ours '
                          'with the interval of the better anchor', results)
-    return [rates, tables.lost(results), tables.probabilities(results)]
+    return [rates, tables.probabilities(results)]
 
 
 def mechanics(run: Run) -> list[Table]:
     results = run.results(mechanics_cases(run.amount.mechanics, run.purpose), 'contact mechanics')
-    rates = tables.rates('Contact mechanics', 'computed frames of indenters on an elastic half-space; share that is '
-                         'recognised without options [%]', results)
-    return [tables.against_bars(results), rates]
+    return [tables.rates('Contact mechanics', 'computed frames of indenters on an elastic half-space; share that is '
+                         'recognised without options [%]', results)]
 
 
 def several_contacts(run: Run) -> list[Table]:
@@ -106,10 +101,6 @@ def held_contacts(run: Run) -> list[Table]:
     return [held.table(found)]
 
 
-def speed(run: Run) -> list[Table]:
-    return [tables.speed(run.contest, run.amount.repeat, run.purpose)]
-
-
 def foreign(run: Run) -> list[Table]:
     known = run.results(familiar.whole_cases(5 * run.amount.figures, run.amount.clean, Purpose.VALIDATION),
                         'known shapes for the limits')
@@ -120,8 +111,7 @@ def foreign(run: Run) -> list[Table]:
 def blemish(run: Run) -> list[Table]:
     figures = max(2, run.amount.figures // 4)
     results = run.results(familiar.blemish_cases(figures, run.amount.pressed, run.purpose), 'blemish')
-    whole = run.results(familiar.whole_cases(run.amount.figures, run.amount.clean, run.purpose), 'without a blemish')
-    return [familiar.blemish_table(results), familiar.whole_table(whole)]
+    return [familiar.blemish_table(results)]
 
 
 def idle(run: Run) -> list[Table]:
@@ -131,16 +121,6 @@ def idle(run: Run) -> list[Table]:
                                       *nothing.library(run.recogniser), run.amount.sequences))
         run.clock(f'nothing: {kind}: {found[-1].called} % called a shape, {found[-1].longest:.2f} s on the topic')
     return [nothing.table(found)]
-
-
-def spots(run: Run) -> list[Table]:
-    found = []
-    for one in blind_spots.measured(run.contest, run.amount.cell, run.purpose):
-        found.append(one)
-        run.clock(f'blind spots: {one.cell.curve} {one.cell.words}, {KIND[one.cell.on_off]}: {one.rates[OURS]} %')
-    blind_spots.draw_curves(run.output / 'recognition_blind_spots.png', found)
-    blind_spots.write_spots(run.output / 'blind_spots.csv', found)
-    return [blind_spots.table(found)]
 
 
 def field(run: Run) -> list[Table]:
@@ -156,9 +136,5 @@ def recordings(run: Run) -> list[Table]:
 
 SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
-    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'blind-spots': spots,
-    'speed': speed, 'field': field}
+    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'field': field}
 WITHOUT_ANCHORS = frozenset({'nothing', 'several', 'halo', 'held'})
-AGAINST_ANCHORS = frozenset({'blind-spots', 'speed'})  #: Sections that only compare our method with the anchors.
-ALONE = frozenset({'speed'})
-LONGEST = 'blind-spots'  #: The longest section starts first, so that it does not run alone at the end.

@@ -49,11 +49,7 @@ KNOWN = (
          '200 or 300 punches in each cell. The columns are areas. Each cell shows the share of punches that are found '
          'as a separate contact / that are recognised / that are recognised when they are alone on the pad.',
          'Several contacts on a pad', ('punches', 'pitches between'),
-         across('area', of('apart, %', 'recognised, %', 'alone, %'))),
-    View('Time of a single frame', 'Each cell shows the median time for one frame per call on one core [us], for ours '
-         '/ CNN / contours + trees. The time of our method begins with the contact pattern. The time of the anchors '
-         'begins with a finished patch, so the time to make the patch is not included.', 'Time of a single frame',
-         ('area',), across('frames', of('ours', 'CNN', 'contours + trees'))))
+         across('area', of('apart, %', 'recognised, %', 'alone, %'))))
 FAULTS = (
     View('By noise and by faults of the skin', 'In each row, one condition differs from the nominal conditions. Each '
          'cell has {patterns} contacts. The columns are areas. Each cell shows two shares of contacts that our '

@@ -1,19 +1,14 @@
-"""Make the tables of clean frames, field conditions, times and recordings."""
+"""Make the tables of clean frames, field conditions and recordings."""
 
 import numpy as np
 
-from bench.recognition.cases import CLEAN, FRAME_LABELS, PUNCHES, frame_labels, make_case, patches, recorded
+from bench.recognition.cases import FRAME_LABELS, frame_labels, patches, recorded
 from bench.recognition.contest import ORDER, OURS, Contest, Result, answers_of, calibration, streamed
 from bench.recognition.figures import PercentRate
 from bench.recognition.page import KIND, Table
 from tactile_node import Recogniser
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.shape.recognition import Shape
-from training.ground_truth.seeds import Purpose
-
-#: Allowed share of known contacts that are called unknown, by area.
-MOST_LOST = {12: 0.01, 25: 0.005, 50: 0.002, 100: 0.001}
-BARS = {12: 0.97, 25: 0.985, 50: 0.995, 100: 0.998}       #: Required recognition rate of flat punches, by area.
 
 #: Recordings with the shape of the object in each.
 RECORDED = {'nus_ring_session': Shape.CIRCLE, 'nus_square_moving': Shape.SQUARE}
@@ -42,45 +37,6 @@ def unknown(result: Result) -> PercentRate:
     """Return the rate of known shapes that our method calls unknown."""
     called = result.answers[OURS].argmax(1) == ORDER.index(Shape.UNKNOWN)
     return PercentRate(int(called.sum()), len(called))
-
-
-def lost(clean: list[Result]) -> Table:
-    """Return the table of known contacts that the limit for unknown rejects."""
-    table = Table('Known contacts lost to unknown', 'clean frames, with the limit as shipped [%]',
-                  ['frames', 'area', 'patterns', 'ours unknown, %', 'at most, %', 'required'])
-    for result in clean:
-        most = MOST_LOST.get(int(result.case.area))
-        if most is not None:
-            rate = unknown(result)
-            table.add(KIND[result.case.on_off], f'{result.case.area:g}', rate.total, rate, f'{100 * most:g}',
-                      'met' if rate.value <= most else 'NOT MET')
-    return table
-
-
-def against_bars(computed: list[Result]) -> Table:
-    """Return the table of flat punches, recognised by the library with default settings."""
-    table = Table('Flat punches', 'computed frames, mean pressure 5 to 80 % of full scale: recognised by ours [%]',
-                  ['area', 'frames', 'ours, %', 'at least, %', 'required'])
-    for result in computed:
-        least = BARS.get(int(result.case.area))
-        if result.case.condition == PUNCHES and least is not None:
-            rate = result.rate(OURS)
-            table.add(result.case.area, rate.total, rate, f'{100 * least:g}',
-                      'met' if rate.value >= least else 'NOT MET')
-    return table
-
-
-def speed(contest: Contest, repeat: int, purpose: Purpose) -> Table:
-    table = Table('Time of a single frame', f'median of {repeat} frames on one core, one frame per call [us]; the time '
-                  'of ours begins with the contact pattern, that of the anchors with a finished patch',
-                  ['frames', 'area', OURS, 'CNN', 'contours + trees', 'ours / CNN', 'ours / (contours + trees)'])
-    for on_off in (True, False):
-        for area in (20, 50, 100):
-            taken = contest.times(make_case(3000 + on_off, CLEAN, on_off, area, count=50, purpose=purpose), repeat)
-            ours, cnn, trees = taken.values()
-            table.add(KIND[on_off], area, *(f'{t * 1e6:.0f}' for t in (ours, cnn, trees)), f'{ours / cnn:.2f}',
-                      f'{ours / trees:.3f}')
-    return table
 
 
 def probabilities(clean: list[Result]) -> Table:

@@ -27,14 +27,9 @@ STYLES = (('black', 'o', '-'), ('#0072b2', 's', '--'), ('#d55e00', 'D', '-.'), (
 BESIDE = 1.012
 
 
-def first_plane(samples: Samples, planes: dict[str, Plane], counted: str = 'N') -> Figure:
-    """Draw Fig. 6, in which two curves separate rectangles, right triangles and all other shapes.
-
-    ``counted`` is the axis label of N.
-    """
-    figure = _cloud(samples, [planes['rectangle'], planes['right_triangle']], ANSWERS)
-    figure.axes[0].set_xlabel(counted)
-    return figure
+def first_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
+    """Draw Fig. 6, in which two curves separate rectangles, right triangles and all other shapes."""
+    return _cloud(samples, [planes['rectangle'], planes['right_triangle']], ANSWERS)
 
 
 def second_plane(samples: Samples, planes: dict[str, Plane]) -> Figure:
@@ -66,10 +61,10 @@ def _cloud(samples: Samples, curves: list[Plane], shapes: Sequence[Shape]) -> Fi
     return figure
 
 
-def rates_by_size(methods: Sequence[Method], size: str) -> Figure:
+def rates_by_size(methods: Sequence[Method]) -> Figure:
     """Draw the recognition rate of every method by size, with 95 % intervals and the published points."""
     figure = Figure(figsize=(9.6, 5.6), layout='constrained')
-    axes = figure.add_subplot(xlabel=size, ylabel='recognised', xscale='log')
+    axes = figure.add_subplot(xlabel='area [taxels]', ylabel='recognised', xscale='log')
     lowest = min(rate.interval[0] for method in methods for rate in method.rates.values())
     axes.set_ylim(min(0.3, lowest - 0.02), 1.05)
     for number, (method, style) in enumerate(zip(methods, STYLES)):

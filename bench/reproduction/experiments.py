@@ -5,8 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.recognition.figures import rate_of
-from bench.reproduction.inside import WORLD as INSIDE_WORLD
-from bench.reproduction.inside import InsideReading, measure_inside, wanted_inside
 from bench.reproduction.matrices import features_at_angles
 from bench.reproduction.methods import (
     SIZES,
@@ -26,7 +24,6 @@ from training.curve_fitting import AREAS, READINGS, Samples, answers, fit_classi
 from training.ground_truth.seeds import Purpose, generator
 
 VANISHING = 25  #: pattern area at which the loss of taxels by angle is measured [taxels]
-WORLDS_BY_AREA = tuple(world for world in WORLDS if world != INSIDE_WORLD)
 FEWER = 3  #: the benchmark has this many times as many patterns as each other world
 
 
@@ -46,17 +43,16 @@ class Results(NamedTuple):
     vanished: dict[int, float]              #: share of patterns that the vanishing angles change, by size
     remaining: np.ndarray                   #: share of taxels kept at each of ANGLES, for patterns of VANISHING taxels
     neighbours: int
-    inside: InsideReading
 
 
 def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int, jobs: int) -> Results:
     """Run all experiments, with ``patterns`` benchmark patterns at each size."""
-    drawn = draw(_wanted(patterns, training) | wanted_inside(patterns, training), seed, jobs)
+    drawn = draw(_wanted(patterns, training), seed, jobs)
     every = {size: drawn[f'benchmark {size}'].every for size in SIZES}
     answered = {size: answers(classifier.planes, samples) for size, samples in every.items()}
     methods = [measured('as published, the three planes', classifier, every)]
     fitted = {}
-    for world in WORLDS_BY_AREA:
+    for world in WORLDS:
         for kept in (False, True):
             if world == 'benchmark' and not kept:
                 continue
@@ -77,13 +73,12 @@ def measure(classifier: VolfClassifier, patterns: int, training: int, seed: int,
         long_lost=_lost(drawn[f'long rectangles {SIZES[-1]}'].kept, fitted['long rectangles', True]),
         vanished={size: _vanished(drawn[f'benchmark {size}']) for size in SIZES},
         remaining=_remaining(seed),
-        neighbours=learner.number,
-        inside=measure_inside(drawn, classifier))
+        neighbours=learner.number)
 
 
 def _wanted(patterns: int, training: int) -> dict[str, Wanted]:
     wanted = {}
-    for world in WORLDS_BY_AREA:
+    for world in WORLDS:
         fewer = 1 if world == 'benchmark' else FEWER
         wanted[f'{world} training'] = Wanted(world, Purpose.TRAINING, training // fewer, AREAS)
         wanted |= {f'{world} {size}': Wanted(world, Purpose.EVALUATION, patterns // fewer, (size, size))

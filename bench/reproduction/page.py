@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from bench.reproduction import clouds, sketches
 from bench.reproduction.experiments import Results
 from bench.reproduction.methods import PUBLISHED, SIZES, Method
-from bench.reproduction.wording import explained, findings
+from bench.reproduction.wording import findings
 from bench.reproduction.worlds import LONG_RECTANGLES
 from tactile_node.learning.teach import Rate
 from tactile_node.shape.volf import ANSWERS
@@ -27,7 +27,7 @@ tr.paper { color: #c2410c } tr:nth-child(even) { background: #f6f6f6 }
 figure { display: inline-block; margin: 1em 1em 1em 0; vertical-align: top } figure.wide { display: block }
 figcaption { font-size: 13px; color: #555; max-width: 44em } small { color: #777 }
 td { white-space: nowrap } td:first-child { white-space: normal }'''
-PAGE_FILE, TABLES = 'index.html', ('rates.csv', 'inside.csv', 'lost.csv', 'confusion.csv')
+PAGE_FILE, TABLES = 'index.html', ('rates.csv', 'lost.csv', 'confusion.csv')
 INTERVALS = 'Recognition rate with 95 % intervals (Wilson). Stars mark the published rates.'
 PAGE = Template('''<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Volf, Dvořák, Vlček: re-drawn and re-measured</title>
@@ -39,10 +39,6 @@ $rates
 $chart
 <h2>Findings</h2>
 <ul>$findings</ul>
-<h2>Another reading: N inside taxels, equilateral triangles</h2>
-$inside_rates
-$inside_chart
-<p>$explained</p>
 <h2>Share of patterns that each plane loses (as published)</h2>
 $lost
 <h2>Confusion (as published): share of each answer for each true class</h2>
@@ -56,25 +52,21 @@ $figures
 def write_page(folder: Path, results: Results, command: str) -> list[Path]:
     """Write PAGE_FILE and TABLES into ``folder``, and return their paths."""
     lost, confusions = _lost_rows(results), _confusion_rows(results)
-    beside = [results.methods[0], *results.inside.methods]
     page = PAGE.substitute(
         style=STYLE, command=escape(command), rates=_rate_table(results.methods), chart=_figure(
-            clouds.rates_by_size(results.methods, 'area [taxels]'), INTERVALS, True),
-        inside_rates=_rate_table(beside), inside_chart=_figure(
-            clouds.rates_by_size(beside, 'N [taxels]: area, or inside taxels'), INTERVALS, True),
-        explained=escape(explained(results)),
+            clouds.rates_by_size(results.methods), INTERVALS, True),
         findings=''.join(f'<li>{escape(text)}</li>' for text in findings(results)),
         lost=_table(lost, percent=True), confusions=_table(confusions, percent=True), figures=_figures(results))
     (folder / PAGE_FILE).write_text(page, encoding='utf-8')
-    tables = _rate_rows(results.methods, 'area'), _rate_rows(results.inside.methods, 'N'), lost, confusions
+    tables = _rate_rows(results.methods), lost, confusions
     for name, rows in zip(TABLES, tables, strict=True):
         with open(folder / name, 'w', encoding='utf-8', newline='') as stream:
             csv.writer(stream).writerows(rows)
     return [folder / name for name in (PAGE_FILE, *TABLES)]
 
 
-def _rate_rows(methods: Sequence[Method], size_is: str) -> list[Row]:
-    rows: list[Row] = [['method', size_is, 'recognised', 'low95', 'high95', 'patterns']]
+def _rate_rows(methods: Sequence[Method]) -> list[Row]:
+    rows: list[Row] = [['method', 'area', 'recognised', 'low95', 'high95', 'patterns']]
     for method in methods:
         rows += [[method.name, size, rate.value, *rate.interval, rate.total]
                  for size, rate in method.rates.items()]
@@ -122,7 +114,6 @@ def _row(kind: str, cells: Iterable[object], style: str = '') -> str:
 def _figures(results: Results) -> str:
     samples, planes = results.clouds, results.classifier.planes
     long = results.long_clouds, results.long_classifier.planes
-    inside = results.inside.clouds, results.inside.classifier.planes
     return ''.join(_figure(figure, caption) for figure, caption in (
         (sketches.discrete_circle(), 'Fig. 1. The discrete pattern of a circle.'),
         (sketches.circle_border(), 'Fig. 2. Border P05 (black) of the pattern of a circle.'),
@@ -134,9 +125,7 @@ def _figures(results: Results) -> str:
         (clouds.second_plane(samples, planes), 'Fig. 7. min I5 = f(min P05).'),
         (clouds.third_plane(samples, planes), f'Fig. 8. dif I5 = f({" ".join(planes["square"].horizontal)}).'),
         (clouds.first_plane(*long), 'Fig. 6 again, in a world with one aspect ratio per class and with '
-                                    f'rectangles of {LONG_RECTANGLES.rectangle:g}:1.'),
-        (clouds.first_plane(*inside, counted='N, inside taxels'),
-         'Fig. 6 again, with inside taxels as N and equilateral triangles.')))
+                                    f'rectangles of {LONG_RECTANGLES.rectangle:g}:1.')))
 
 
 def _figure(figure: Figure, caption: str, wide: bool = False) -> str:

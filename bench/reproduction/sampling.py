@@ -7,31 +7,23 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from bench.reproduction.matrices import border, features_at_angles
+from bench.reproduction.matrices import features_at_angles
 from bench.reproduction.worlds import draw_pattern
 from tactile_node.helmholtz.features import Group
-from tactile_node.helmholtz.taxel_list import Stencil
-from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
 from training.curve_fitting import COLUMNS, Samples
 from training.ground_truth.seeds import Purpose, generator
 
 BATCH = 250  #: number of patterns that a process draws at a time
-INSIDE = ('value', 'inside')  #: number of inside taxels (Fig. 1 and section 7 of the paper)
 
 
 class Wanted(NamedTuple):
-    """Patterns to draw, with log-uniform areas between the two values of ``areas`` [taxels], which may be equal.
-
-    If ``inside`` is not None, only patterns with ``inside`` inside taxels are kept.
-    """
+    """Patterns to draw, with log-uniform areas between the two values of ``areas`` [taxels], which may be equal."""
 
     world: str
     purpose: Purpose
     patterns: int
     areas: tuple[float, float]
-    shapes: tuple[Shape, ...] = ANSWERS  #: the shapes take turns
-    inside: int | None = None
 
 
 class Task(NamedTuple):
@@ -74,29 +66,20 @@ def draw(wanted: dict[str, Wanted], seed: int, jobs: int) -> dict[str, Drawn]:
 
 
 def draw_batch(task: Task) -> np.ndarray:
-    """Return (n, 14) rows: the features over all angles and over the kept angles, the inside taxels and the label."""
+    """Return (n, 13) rows: the features over all angles and over the kept angles, and the label.
+
+    The shapes take turns.
+    """
     wanted, first, count, rng = task
     low, high = np.log(wanted.areas)
     rows: list[list[float]] = []
     while len(rows) < count:
-        shape = wanted.shapes[(first + len(rows)) % len(wanted.shapes)]
+        shape = ANSWERS[(first + len(rows)) % len(ANSWERS)]
         mask = draw_pattern(wanted.world, rng, shape.value, float(np.exp(rng.uniform(low, high))))
-        inside = count_inside(mask)
-        if wanted.inside not in (None, inside):
-            continue
-        row = [*plane_features(mask), inside, ANSWERS.index(shape)]
+        row = [*plane_features(mask), ANSWERS.index(shape)]
         if not np.isnan(row).any():  # alpha9 is undefined if no two taxels are neighbours
             rows.append(row)
     return np.array(rows)
-
-
-def count_inside(mask: np.ndarray) -> int:
-    """Return the number of inside taxels (N - P05) in ``mask``.
-
-    >>> count_inside(np.ones((3, 4), bool))
-    2
-    """
-    return int(mask.sum() - border(mask, Stencil.FIVE).sum())
 
 
 def plane_features(mask: np.ndarray) -> list[float]:
@@ -115,6 +98,6 @@ def plane_features(mask: np.ndarray) -> list[float]:
 
 def _samples(rows: np.ndarray) -> Drawn:
     half = len(COLUMNS)
-    inside, labels = {INSIDE: rows[:, -2]}, rows[:, -1].astype(int)
-    return Drawn(*(Samples(dict(zip(COLUMNS, rows[:, first:first + half].T)) | inside, labels)
+    labels = rows[:, -1].astype(int)
+    return Drawn(*(Samples(dict(zip(COLUMNS, rows[:, first:first + half].T)), labels)
                    for first in (0, half)))

@@ -1,13 +1,10 @@
 """Generate the sentences about the findings from the numbers, so that text and numbers always agree."""
 
-import math
-
 import numpy as np
 
 from bench.reproduction.experiments import VANISHING, Results
-from bench.reproduction.inside import InsideReading
-from bench.reproduction.methods import PUBLISHED, SIZES, Method, published_share
-from bench.reproduction.worlds import EQUILATERAL_TRIANGLES, LONG_RECTANGLES, ONE_PROPORTION
+from bench.reproduction.methods import PUBLISHED, SIZES, Method
+from bench.reproduction.worlds import LONG_RECTANGLES, ONE_PROPORTION
 from tactile_node.helmholtz.rotation import ANGLES
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.volf import ANSWERS
@@ -78,53 +75,3 @@ def _learner(results: Results) -> str:
 
 def _method(results: Results, name: str) -> Method:
     return next(method for method in results.methods if method.name == name)
-
-
-def explained(results: Results) -> str:
-    """Return a text about how much of the gap to the published rates this interpretation of the paper explains."""
-    reading, published = results.inside, results.methods[0]
-    return ' '.join((_what_is_counted(reading), *(_at(size, reading, published) for size in PUBLISHED),
-                     _of_the_count(reading, published), _what_remains(reading)))
-
-
-def _what_is_counted(reading: InsideReading) -> str:
-    active = ', '.join(f'{size} of {reading.active[size]:.0f}' for size in PUBLISHED)
-    return ('In this reading, N counts only the taxels that are not border taxels (N - P05), as the size and in '
-            f'plane 1. All isosceles triangles have an apex of {EQUILATERAL_TRIANGLES.apex:g}°. The curves are fitted '
-            f'again. On average, this number of active taxels is inside: {active}.')
-
-
-def _at(size: int, reading: InsideReading, published: Method) -> str:
-    before, goal = _share(published, size), published_share(size)
-    triangles, inside, both = (100 * (_share(method, size) - before)
-                               for method in (reading.equilateral, reading.inside, reading.both))
-    missing = 100 * (goal - before)
-    return (f'At N = {size}, the method as published reaches {before:.1%} and the paper {PUBLISHED[size]}, a '
-            f'difference of {missing:.1f} points. Equilateral triangles alone add {triangles:+.1f} points, inside '
-            f'taxels alone {inside:+.1f}, and both {both:+.1f} ± {_half_width(size, reading.both, published):.1f} '
-            f'(95 %). {missing - both:.1f} points remain.')
-
-
-def _of_the_count(reading: InsideReading, published: Method) -> str:
-    parts = ', '.join(f'{100 * (_share(reading.read_inside, size) - _share(published, size)):+.1f} of '
-                      f'{100 * (_share(reading.inside, size) - _share(published, size)):+.1f}' for size in PUBLISHED)
-    names = ', '.join(map(str, PUBLISHED))
-    return (f'At {names} taxels, a part of the points that inside taxels alone add comes from the larger patterns at '
-            f'the same N, with the curves as published: {parts}. The other points come from inside taxels in plane 1.')
-
-
-def _what_remains(reading: InsideReading) -> str:
-    lost = ', '.join(f'{share:.1%}' for share in reading.lost.values())
-    kept = ', '.join(f'{_share(reading.kept, size):.1%}' for size in PUBLISHED)
-    return (f'With both changes, the planes 1, 2 and 3 still lose {lost} of all patterns of {LARGEST} inside taxels. '
-            'The changes do not explain this loss. If the vanishing angles are left out as well, the rates are '
-            f'{kept} at {", ".join(map(str, PUBLISHED))} taxels.')
-
-
-def _half_width(size: int, *methods: Method) -> float:
-    """Return half the width of the 95 % interval for the difference of two methods on different patterns [points]."""
-    return 50 * math.hypot(*(high - low for low, high in (method.rates[size].interval for method in methods)))
-
-
-def _share(method: Method, size: int) -> float:
-    return method.rates[size].value

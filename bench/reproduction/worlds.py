@@ -4,33 +4,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.simulator.world import CLASSES, PAD, Contact
+from tactile_node.simulator.world import PAD, Contact
 from training.ground_truth.seeds import random_pattern
 
 
 class Fixed(NamedTuple):
-    """A world in which each class in ``shapes`` has only one aspect ratio, at random positions and angles."""
+    """A world in which each class has only one aspect ratio, at random positions and angles."""
 
     rectangle: float = 2.0       #: ratio of the sides
     right_triangle: float = 2.0  #: ratio of the legs
     apex: float = 60.0           #: apex angle of the isosceles triangle [degrees]
-    #: classes with one aspect ratio, while all other classes vary as in the benchmark
-    shapes: tuple[str, ...] = CLASSES
 
 
 ONE_PROPORTION = Fixed()
 LONG_RECTANGLES = Fixed(rectangle=4.0)
-EQUILATERAL_TRIANGLES = Fixed(apex=60.0, shapes=('isosceles_triangle',))
 #: Worlds by name. The value None is the benchmark, in which the aspect ratios vary.
 WORLDS: dict[str, Fixed | None] = {
-    'benchmark': None, 'one proportion': ONE_PROPORTION, 'long rectangles': LONG_RECTANGLES,
-    'equilateral triangles': EQUILATERAL_TRIANGLES}
+    'benchmark': None, 'one proportion': ONE_PROPORTION, 'long rectangles': LONG_RECTANGLES}
 
 
 def draw_pattern(world: str, rng: np.random.Generator, shape: str, area: float) -> np.ndarray:
     """Draw the pattern of a contact from ``world`` at a random position and angle, as bool (rows, cols)."""
     fixed = WORLDS[world]
-    if fixed is None or shape not in fixed.shapes:
+    if fixed is None:
         return random_pattern(rng, shape, area)
     room = max(PAD, int(np.ceil(6 * np.sqrt(area))) + 4)
     return draw_contact(fixed, rng, shape, area, room).pattern(room, room)

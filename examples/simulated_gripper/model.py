@@ -7,7 +7,6 @@ and `right_pad` have the frames of the pads.
 
 from bench.planner_world import PITCH, ROWS
 from examples.simulated_gripper.items import PAD_HEIGHT, Item
-from tactile_node.errors import InputError
 
 MAX_GAP = 0.09          #: largest gap [m]
 STEP = 0.001            #: time step of the physics [s]
@@ -16,9 +15,6 @@ HALF_PAD = ROWS * PITCH / 2
 HALF_STAND = 0.0095
 #: Contact parameters that let the skins yield by some tenths of a millimetre, like 4 mm of silicone.
 SKIN = 'solref="0.009 1" solimp="0.8 0.8 0.001"'
-#: Contact parameters for MuJoCo's sensor, which measures depth. A block of 16 mm pressed by 2 N sinks in by 0.3 mm, as
-#: in pressures.py.
-DEEP_SKIN = 'solref="0.012 1" solimp="0.8 0.8 0.001"'
 
 _HAND = """
     <body name="hand" pos="0 0 {height}" gravcomp="1">
@@ -34,12 +30,8 @@ _FINGER = """
         <geom type="box" size="{half} 0.005 0.043" pos="0 {behind} 0.027" mass="0.1" rgba=".5 .52 .55 1"/>
         <geom name="{name}_skin" type="box" size="{half} 0.002 {half}" pos="0 {surface} 0" mass="0.01"
               rgba=".1 .1 .12 1" {skin}/>
-        <site name="{name}_pad" pos="-{edge} 0 {top}" xyaxes="1 0 0 0 0 {down}" size="0.001"/>{taxels}
+        <site name="{name}_pad" pos="-{edge} 0 {top}" xyaxes="1 0 0 0 0 {down}" size="0.001"/>
       </body>"""
-
-_TAXELS = """
-        <geom name="{name}_taxels" type="mesh" mesh="taxels" pos="-{edge} 0 {top}" xyaxes="1 0 0 0 0 {down}"
-              mass="0" contype="0" conaffinity="0" group="3"/>"""
 
 _MODEL = """
 <mujoco model="simulated_gripper">
@@ -67,74 +59,36 @@ _MODEL = """
     <position name="x" joint="x" kp="1e5" dampratio="1"/> <position name="y" joint="y" kp="1e5" dampratio="1"/>
     <position name="lift" joint="lift" kp="1e5" dampratio="1"/>
     <position name="yaw" joint="yaw" kp="300" dampratio="1"/>
-  </actuator>{sensors}
+  </actuator>
 </mujoco>"""
 
 
-def model_of(item: Item, has_sensors: bool = False) -> str:
-    """Return the model of the bench with an item, as MJCF.
-
-    Parameters
-    ----------
-    item
-        Item on the bench.
-    has_sensors
-        True to add MuJoCo's own tactile sensors `left` and `right`, which detect only spheres, cylinders and boxes.
-
-    Raises
-    ------
-    InputError
-        Raised if the sensors cannot detect the item.
-    """
+def model_of(item: Item) -> str:
+    """Return the model of the bench with an item, as MJCF."""
     top = PAD_HEIGHT - item.below
     stand = '' if item.upright else (f'<geom name="stand" type="box" size="{HALF_STAND} {HALF_STAND} {top / 2}" '
                                      f'pos="0 0 {top / 2}" rgba=".6 .6 .62 1"/>')
-    skin = DEEP_SKIN if has_sensors else SKIN
-    fingers = ''.join(_finger(name, way, skin, has_sensors) for name, way in (('left', -1), ('right', 1)))
-    mesh, geom = (_taxel_mesh(), _solid(item)) if has_sensors else _geom(item)
-    sensors = ''
-    if has_sensors:
-        sensors = '<sensor>' + ''.join(f'<tactile name="{name}" geom="{name}_taxels" mesh="taxels"/>'
-                                       for name in ('left', 'right')) + '</sensor>'
+    fingers = ''.join(_finger(name, way) for name, way in (('left', -1), ('right', 1)))
+    mesh, geom = _geom(item)
     return _MODEL.format(step=STEP, mesh=mesh, geom=geom, stand=stand, height=PAD_HEIGHT, mass=item.mass,
-                         hand=_HAND.format(height=PAD_HEIGHT, fingers=fingers), friction=item.friction, skin=skin,
-                         sensors=sensors)
+                         hand=_HAND.format(height=PAD_HEIGHT, fingers=fingers), friction=item.friction, skin=SKIN)
 
 
-def _finger(name: str, way: int, skin: str, has_sensors: bool) -> str:
+def _finger(name: str, way: int) -> str:
     """Return one finger, which lies in the direction ``way`` from the item along y.
 
     The rows of the left pad run downwards, and the rows of the right pad run upwards.
     """
-    pad = {'name': name, 'edge': HALF_PAD - PITCH / 2, 'top': -way * (HALF_PAD - PITCH / 2), 'down': way}
-    return _FINGER.format(way=way, range=MAX_GAP / 2, half=HALF_PAD, behind=0.009 * way, surface=0.002 * way,
-                          skin=skin, taxels=_TAXELS.format(**pad) if has_sensors else '', **pad)
-
-
-def _taxel_mesh() -> str:
-    """Return a mesh in the frame of a pad, with a vertex at each taxel, row by row."""
-    corners = [row * ROWS + column for row in range(ROWS - 1) for column in range(ROWS - 1)]
-    faces = [f'{k} {k + 1} {k + ROWS} {k + 1} {k + ROWS + 1} {k + ROWS}' for k in corners]
-    points = [f'{column * PITCH} {row * PITCH} 0' for row in range(ROWS) for column in range(ROWS)]
-    return f'<mesh name="taxels" inertia="shell" vertex="{" ".join(points)}" face="{" ".join(faces)}"/>'
+    edge = HALF_PAD - PITCH / 2
+    return _FINGER.format(name=name, way=way, range=MAX_GAP / 2, half=HALF_PAD, behind=0.009 * way, surface=0.002 * way,
+                          skin=SKIN, edge=edge, top=-way * edge, down=way)
 
 
 def _geom(item: Item) -> tuple[str, str]:
     """Return the asset and the geom for the shape of an item."""
-    if not item.length or item.face.shape == 'circle':
-        return '', _solid(item)
+    if not item.length:
+        return '', f'type="sphere" size="{item.face.reach}"'
+    if item.face.shape == 'circle':
+        return '', f'type="cylinder" size="{item.face.reach} {item.length / 2}"'
     corners = [f'{x} {y} {z}' for z in (-item.length / 2, item.length / 2) for x, y in item.face.outline()]
     return f'<mesh name="item" vertex="{" ".join(corners)}"/>', 'type="mesh" mesh="item"'
-
-
-def _solid(item: Item) -> str:
-    """Return the geom of an item, as one of MuJoCo's primitives."""
-    if not item.length:
-        return f'type="sphere" size="{item.face.reach}"'
-    if item.face.shape == 'circle':
-        return f'type="cylinder" size="{item.face.reach} {item.length / 2}"'
-    if item.face.shape not in ('square', 'rectangle'):
-        raise InputError("item for MuJoCo's tactile sensor", expected='a ball, cylinder or box',
-                         got=item.face.shape, remedy='Choose another item, or disable the sensor.')
-    along, across = (item.face.dimensions * 2)[:2]
-    return f'type="box" size="{along / 2} {across / 2} {item.length / 2}"'

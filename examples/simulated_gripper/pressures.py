@@ -53,12 +53,6 @@ def pressures(item: Item, pose: Transform, force: float, load: Sequence[float] =
     return ndimage.shift(values, shift[::-1] / PITCH, order=1, mode='nearest') if np.any(load) else values
 
 
-def by_depth(depth: np.ndarray, force: float) -> np.ndarray:
-    """Return taxel values [Pa] in proportion to ``depth``, with a total force of ``force`` [N]."""
-    total = float(depth.sum())
-    return depth * (force / total / PITCH**2) if total > 0 else np.zeros(depth.shape)
-
-
 def surface(item: Item, pose: Transform) -> np.ndarray:
     """Return z of the item's near side at FINE points per taxel in each direction [m], or inf beside the item."""
     steps = ((np.arange(ROWS * FINE) + 0.5) / FINE - 0.5) * PITCH

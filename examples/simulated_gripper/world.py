@@ -13,7 +13,7 @@ from bench.planner_world import PITCH, ROWS
 from examples.simulated_gripper.drive import Command, Drive
 from examples.simulated_gripper.items import Item
 from examples.simulated_gripper.model import MAX_GAP, STEP, model_of
-from examples.simulated_gripper.pressures import by_depth, pressures
+from examples.simulated_gripper.pressures import pressures
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.grasp.gripper import Transform
 
@@ -85,8 +85,6 @@ class World:
         Item on the bench.
     place
         Initial place of the item.
-    has_sensors
-        True to use the pressures of MuJoCo's tactile sensor, which cannot detect triangles.
 
     Raises
     ------
@@ -94,11 +92,10 @@ class World:
         Raised if MuJoCo is not installed.
     """
 
-    def __init__(self, item: Item, place: Place = AIM, has_sensors: bool = False):
+    def __init__(self, item: Item, place: Place = AIM):
         if mujoco is None:
             raise ConfigurationError('simulated gripper', expected='MuJoCo', got='no module of that name',
                                      remedy='Install it: pip install -r requirements/bench_physics.txt')
-        self._has_sensors = has_sensors
         self._fingers: list[Finger] = []
         self.lock = threading.RLock()  #: locked while the physics advances
         self._load(item)
@@ -109,7 +106,7 @@ class World:
 
     def _load(self, item: Item) -> None:
         self.item = item
-        self.model = mujoco.MjModel.from_xml_string(model_of(item, self._has_sensors))
+        self.model = mujoco.MjModel.from_xml_string(model_of(item))
         self.data = mujoco.MjData(self.model)
         self._geom = self.model.geom('item').id
         self._skins = {self.model.geom(f'{side}_skin').id: side for side in SIDES}
@@ -242,8 +239,6 @@ class World:
         with self.lock:
             pose, force, load = self.item_in(side), self._forces[side], self.load(side)
             fingers = self._pressed(side)
-            if self._has_sensors:
-                return fingers + by_depth(self.data.sensor(side).data[:ROWS**2].reshape(ROWS, ROWS), force)
         return fingers + pressures(self.item, pose, force, load)
 
     def load(self, side: str) -> np.ndarray:
