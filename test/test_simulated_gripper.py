@@ -34,6 +34,7 @@ from examples.simulated_gripper.world import (
 )
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import PadPose, Transform
+from tactile_node.gripper.rules.holding import SWAY_TIME
 from tactile_node.pose.events import Moving
 from tactile_node.pose.motion import MotionFollower
 from tactile_node.pose.pipeline import ContactPipeline, Taxels, sight_of
@@ -185,31 +186,39 @@ def test_a_lift_moves_the_pressure_down_by_the_weight_on_each_pad():
 @pytest.mark.slow
 @pytest.mark.parametrize('name', ['square', *(pytest.param(name, marks=pytest.mark.long) for name in sorted(
     {*ITEMS} - {'square', 'slippery', 'bottle'}))])  # the slippery block and the heavy bottle slide at this force
-def test_a_lift_and_a_shake_are_no_slide(name):
-    """A reported slide lets the hold press harder, and may break the item."""
+def test_a_lift_and_a_shake_let_no_hold_press_harder(name):
+    """A hold that presses harder may break the item. It answers to a slide that is reported for SWAY_TIME."""
     world, recogniser, random = gripped(name), make_recogniser(), np.random.default_rng(5)
     pads = {side: (ContactPipeline(recogniser), MotionFollower()) for side in SIDES}
 
     def movements(rest):
-        """Return all movements that the pads report until the hand has rested for ``rest`` seconds."""
-        moving, end = Moving.NOT_KNOWN, world.now + rest
+        """Return all movements that the pads report until the hand has rested for ``rest`` seconds.
+
+        Also return the longest time for which a slide is reported.
+        """
+        moving, longest, still = Moving.NOT_KNOWN, 0.0, world.now
+        end = world.now + rest
         while world.now < end:
             end = world.now + rest if world.is_moving else end
             world.step(0.02)
+            now = Moving.NOT_KNOWN
             for side, (pipeline, motions) in pads.items():
                 found = pipeline.find(noisy(world.pressures(side), random), Taxels(PITCH, 'Pa'))
-                moving |= motions.update(sight_of(pipeline.recognise(found, world.now), world.now)).moving
-        return moving
+                now |= motions.update(sight_of(pipeline.recognise(found, world.now), world.now)).moving
+            moving |= now
+            still = still if Moving.SLIDING in now else world.now
+            longest = max(longest, world.now - still)
+        return moving, longest
     movements(0.8)
     before = {side: world.item_in(side).translation for side in SIDES}
     world.move(lift=0.1)
-    in_lift = movements(0.3)
+    _, slid_in_lift = movements(0.3)
     world.shake(1.0)
-    in_shake = movements(0.5)
+    in_shake, slid_in_shake = movements(0.5)
     assert world.outcome is Outcome.HELD
     for side in SIDES:
         assert np.hypot(*(world.item_in(side).translation - before[side])[:2]) < 0.3e-3
-    assert Moving.SHIFTING in in_shake and Moving.SLIDING not in in_lift | in_shake
+    assert Moving.SHIFTING in in_shake and max(slid_in_lift, slid_in_shake) < SWAY_TIME
 
 
 @physics
