@@ -312,7 +312,7 @@ def test_a_chain_that_hangs_does_not_keep_the_grasp_fresh():
 def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
     """Without subscribers, 50 frames per second would each create a task and a closure that nobody needs."""
     postponed = []
-    monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish, acquired: postponed.append(stage.topic))
+    monkeypatch.setattr(StageInput, 'postpone', lambda stage, *call: postponed.append(stage.topic))
     with Process() as process:
         stages = [process.input(name) for name in ('/left/processor', '/left/classifier')]
         until(lambda: (process.send(), time.sleep(PERIOD), all(each.counts.processed > 5 for each in stages))[-1])

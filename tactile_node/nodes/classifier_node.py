@@ -78,16 +78,16 @@ class ClassifierNode(StageNode):
         shape.message.left_out = self._contacts.left_out
         self._shapes.send(shape, acquired)
         if shape.message.fit_valid:
-            self._poses.publish(lambda: pose_message(shape.message))
+            self._poses.publish(pose_message, shape.message)
         for event in result.motion.events:
             self._events.publish(event_message(event, contact.header, contact.sequence, _age(acquired)))
         self.recognised += 1
         if self._view.is_wanted or self._all_shapes.is_wanted:
-            self._contacts.postpone(lambda: self._publish_more(contact, result, shape, acquired), acquired)
+            self._contacts.postpone(Step.SHOW, acquired, self._publish_more, contact, result, shape, acquired)
 
     def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, acquired: float) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
-        self._all_shapes.publish(lambda: self._all_shapes_of(contact, result, acquired))
+        self._all_shapes.publish(self._all_shapes_of, contact, result, acquired)
         self._view.publish(contact, shape.message)
 
     def _all_shapes_of(self, contact: PadContact, largest: StreamedContact, acquired: float) -> ContactShapes:

@@ -126,7 +126,7 @@ class GraspNode(StageNode):
         if self._settings.lossless or acquired == -math.inf:
             self._publish_update()
         else:
-            self._shapes[side].postpone(self._publish_update, acquired, Step.COMBINE)
+            self._shapes[side].postpone(Step.COMBINE, acquired, self._publish_update)
 
     def _publish_update(self) -> None:
         """Publish the grasp unless it has been published since the latest shape."""
@@ -162,9 +162,8 @@ class GraspNode(StageNode):
         opening = self._opening.current()
         with self._lock:
             state = self._tracker.state(now, opening.gap)
-            self._grasps.publish(lambda: self._message(state, opening, self._sides))
-            self._grasp_sides.publish(lambda: sides_message(
-                state, [self._latest[side].complete_message for side in SIDES], self._settings.frame, self._ages()))
+            self._grasps.publish(self._message, state, opening, self._sides)
+            self._grasp_sides.publish(self._sides_message, state)
             self._is_published = True
             if self._requests is not None:
                 self._requests.wake()
@@ -189,6 +188,10 @@ class GraspNode(StageNode):
 
     def _message(self, state: GraspState, opening: Opening, sides: list[ContactShape]) -> Grasp:
         return grasp_message(state, sides, opening, self._settings.frame, self._ages(), self._gripper)
+
+    def _sides_message(self, state: GraspState) -> GraspSides:
+        sides = [self._latest[side].complete_message for side in SIDES]
+        return sides_message(state, sides, self._settings.frame, self._ages())
 
     def _ages(self) -> list[float]:
         """Return the age of each side's latest shape [s], or inf if the side has none."""

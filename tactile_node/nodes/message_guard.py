@@ -141,28 +141,28 @@ class MessageGuard(Generic[Message]):
                 return True
             self._drop(reason)
         except Exception as error:
-            self.failed(error)
+            self._count_failure(error)
         return False
 
-    def process(self, usable: Sequence[Any], call: Callable[[Any], None]) -> None:
-        """Call ``call`` with the last usable message, and count the earlier ones as overtaken."""
+    def process(self, usable: Sequence[Any], call: Callable[..., object], *args: object) -> None:
+        """Call ``call`` with the last usable message and ``args``, and count the earlier messages as overtaken."""
         if not usable:
             return
         self._overtaken += len(usable) - 1
         self.left_out = len(usable) - 1 + sum(map(_left_out_before, usable))
-        if self.attempt(lambda: call(usable[-1])):
+        if self.attempt(call, usable[-1], *args):
             self._processed += 1
 
-    def attempt(self, call: Callable[[], object]) -> bool:
+    def attempt(self, call: Callable[..., object], *args: object) -> bool:
         """Call a function. If the function raises an exception, count PROCESSING_FAILED and return False."""
         try:
-            call()
+            call(*args)
         except Exception as error:
-            self.failed(error)
+            self._count_failure(error)
             return False
         return True
 
-    def failed(self, error: Exception) -> None:
+    def _count_failure(self, error: Exception) -> None:
         """Log an exception of a processing function, and count it, because it must not end the calling thread."""
         if not self._node.context.ok():  # the process is ending, and can no longer publish anything
             raise error

@@ -87,11 +87,11 @@ class ProcessorNode(StageNode):
         contact = PadContact.of(frame, found, self._taxels.left_out)
         self._contacts.send(contact, acquired)
         if self._views.is_wanted or self._features.is_wanted:
-            self._taxels.postpone(lambda: self._publish_more(contact, acquired), acquired)
+            self._taxels.postpone(Step.SHOW, acquired, self._publish_more, contact, acquired)
 
     def _publish_more(self, contact: PadContact, acquired: float) -> None:
         """Publish features, images and wrenches, which no other stage waits for."""
-        self._features.publish(lambda: self._features_of(contact, acquired))
+        self._features.publish(self._features_of, contact, acquired)
         self._views.publish(contact)
 
     def _features_of(self, contact: PadContact, acquired: float) -> ContactFeatures:

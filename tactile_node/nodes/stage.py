@@ -107,7 +107,7 @@ class StageOutput(Generic[Result]):
             Time when the taxels were acquired, on the steady clock [s].
         """
         try:
-            self._publisher.publish(lambda: self._message(result, acquired))
+            self._publisher.publish(self._message, result, acquired)
         finally:
             if (reader := self._stages.input_of(self.topic)) is not None:
                 reader.feed(result, acquired)
@@ -217,9 +217,9 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._is_fed = False
         self._own.clear()
 
-    def postpone(self, publish: Callable[[], None], acquired: float, step: Step = Step.SHOW) -> None:
-        """Publish something in a later step of the chain, when this no longer delays a shape."""
-        self._stages.chain.postpone(step, acquired, self.attempt, publish)
+    def postpone(self, step: Step, acquired: float, call: Callable[..., object], *args: object) -> None:
+        """Run a call in a later step of the chain; see `Chain.postpone`. If the call fails, count a failure."""
+        self._stages.chain.postpone(step, acquired, self.attempt, call, *args)
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
@@ -241,7 +241,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
     def _process_next(self) -> None:
         if self._waiting:
             results, acquired = self._waiting.popleft()
-            self.process(results, lambda result: self._accept(result, acquired))
+            self.process(results, self._accept, acquired)
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
@@ -253,7 +253,10 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         message = self._arrived.popleft()
         self.count_publishers()
         if frame_key(message) not in self._own and self.is_usable(message):
-            self.attempt(lambda: self._receive(self._parse(message)))
+            self.attempt(self._receive_message, message)
+
+    def _receive_message(self, message: Message) -> None:
+        self._receive(self._parse(message))
 
     def _look_for_others(self) -> None:
         """Let the executor subscribe to the topic if another node publishes it, and end the subscription otherwise."""
