@@ -21,7 +21,7 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import MOST_IN_BATCH, Batch, BusNetwork
 from tactile_node.bus.open_bus import open_bus
 from tactile_node.bus.socket_buffer import SocketBuffer
-from tactile_node.bus.sync_pause import SyncPause
+from tactile_node.bus.sync_producer import SyncPause
 from tactile_node.bus.traffic import Traffic
 from tactile_node.viewing.node_record import BusRecord
 

@@ -15,7 +15,7 @@ from tactile_node.assembly.sync_assembler import MOST_LATE
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import Batch, BusNetwork, OnFailure
 from tactile_node.bus.stamp_clock import StampClock
-from tactile_node.bus.sync_pause import SyncPause
+from tactile_node.bus.sync_producer import SyncPause
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
