@@ -21,7 +21,7 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import MOST_IN_BATCH, Batch, BusNetwork
 from tactile_node.bus.open_bus import open_bus
 from tactile_node.bus.socket_buffer import SocketBuffer
-from tactile_node.bus.sync_producer import SyncPause
+from tactile_node.bus.sync_producer import SyncPause, SyncProducer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.viewing.node_record import BusRecord
 
@@ -131,14 +131,15 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
     After the omitted SYNCs, the driver omits none for a while.
     """
     router = SimpleNamespace(is_in_doubt=False, sync=lambda stamp: None)
-    traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True, sync_period=0.02)
+    traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True)
     sent = []
     network = SimpleNamespace(send_message=lambda *args, **kwargs: sent.append(number))
+    producer = SyncProducer(0.02, 0x80, lambda: network, traffic, router, None)
     for number in range(24):
         router.is_in_doubt = number >= 10
-        traffic.send_sync(network, 0x80)
+        producer.send()
     assert sent == [*range(10), 13, 14, 15, 16, 20, 21, 22, 23]
-    assert traffic.pause.count == 6 and traffic.syncs_sent == len(sent)
+    assert producer.pause.count == 6 and producer.sent == len(sent)
 
 
 class Clocked:
@@ -155,8 +156,7 @@ class Clocked:
                               saw_error=lambda: self.spans.append(inf))
         router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None)
         monitor = BusMonitor([])
-        self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True,
-                               sync_period=0.02)
+        self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True)
         self.begun = time.time() - 100.0
         self.traffic.begin()
 
@@ -252,8 +252,7 @@ WIRE_BITS = [({'is_extended_id': False, 'data': bytes(8)}, 98 + 24 + 13),
 @pytest.mark.parametrize(('kind', 'bits'), WIRE_BITS)
 def test_the_live_bus_load_counts_every_frame_on_the_wire_as_the_report_does(kind, bits):
     monitor, record = BusMonitor([32]), BusRecord(1_000_000)
-    traffic = Traffic(SimpleNamespace(), monitor, None, polled=(), queue_limit=99, is_host_stamped=True,
-                      sync_period=0.02)
+    traffic = Traffic(SimpleNamespace(), monitor, None, polled=(), queue_limit=99, is_host_stamped=True)
     messages = [can.Message(timestamp=100.0 + stamp, arbitration_id=0x1A0, **kind) for stamp in (0.1, 0.2, 1.5)]
     traffic.received(Batch([*messages, can.Message(timestamp=101.6, is_error_frame=True)]))
     for message in messages:

@@ -1,26 +1,20 @@
 """Stamp and count the CAN frames of one bus, and post them to the chain, which assembles them."""
 
-import logging
 import time
 from collections import Counter
 from collections.abc import Collection
 from math import inf
-from queue import Empty, SimpleQueue
 
 import can
 
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router, non_data_kind
-from tactile_node.assembly.sync_assembler import MOST_LATE
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import Batch, BusNetwork, OnFailure
+from tactile_node.bus.bus_network import Batch, OnFailure
 from tactile_node.bus.stamp_clock import StampClock
-from tactile_node.bus.sync_producer import SyncPause
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
-
-logger = logging.getLogger(__name__)
 
 # Placeholder COB-IDs in the queue for messages that only occupy the bus.
 OTHER_FRAME = -1  #: for a remote frame, a CAN FD frame, or a frame with a 29-bit identifier
@@ -44,14 +38,12 @@ class Traffic:
         Largest number of CAN frames that may wait for the chain.
     is_host_stamped : bool
         True if messages carry stamps from the wall clock of this host; see `StampClock`.
-    sync_period : float
-        Time between two SYNCs [s].
     chain : Chain or None
         Running chain of the process, or None to start a separate chain, which runs from ``begin`` to ``end``.
     """
 
     def __init__(self, router: Router, monitor: BusMonitor, on_failure: OnFailure, *, polled: Collection[int],
-                 queue_limit: int, is_host_stamped: bool, sync_period: float, chain: Chain | None = None):
+                 queue_limit: int, is_host_stamped: bool, chain: Chain | None = None):
         self._router = router
         self._monitor = monitor
         self._on_failure = on_failure
@@ -61,7 +53,6 @@ class Traffic:
         self.chain = chain or Chain('assembler')
         self._owns_chain = chain is None
         self.clock = StampClock(is_host_stamped)
-        self._jumps_reported = 0
         self.no_data_frames: Counter[str] = Counter()  #: received messages that are not data frames, by kind
         self._posted = 0  # CAN frames posted to the chain
         self._fed = 0  # CAN frames that the chain has fed to the router
@@ -69,8 +60,6 @@ class Traffic:
         #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped.
         #: no_data_frames counts the other messages of the batches for which the queue was full.
         self.overruns = 0
-        self.syncs_sent = 0
-        self.pause = SyncPause(sync_period)
         self._last_arrival = -inf  # stamp before which all messages so far had arrived
         self._is_gap = True  # True if messages before the next batch may be missing
         self._read_at = 0.0  # time at which the last batch was read, on the steady clock
@@ -92,7 +81,6 @@ class Traffic:
     def restart(self) -> None:
         """Start the sequence numbers at 0, and let the stamps follow the wall clock."""
         self.clock.restart()
-        self.pause.restart()
         self.chain.post(self._router.restart)
 
     def received(self, batch: Batch) -> None:
@@ -175,59 +163,3 @@ class Traffic:
         self._monitor.feed_own(len(data))
         if can_id - SDO_REQUEST in self._polled:
             self.chain.post(self._router.feed, can_id, bytes(data), self.clock.now())
-
-    def send_sync(self, network: BusNetwork, can_id: int) -> None:
-        """Send a SYNC, unless the driver must skip it so that the bus becomes free (`SyncPause`).
-
-        The SYNC is posted to the chain before it is sent on the bus, so no TPDO can overtake it. The chain
-        receives the start and the end of the write, because the SYNC was on the bus at some time in between.
-
-        Parameters
-        ----------
-        network : BusNetwork
-            Network that sends the SYNC.
-        can_id : int
-            COB-ID of SYNC.
-
-        Raises
-        ------
-        BusError
-            Raised if the SYNC cannot be sent.
-        """
-        if self.pause.is_due(self._router.is_in_doubt):
-            return
-        written: SimpleQueue[float] = SimpleQueue()
-
-        def announce() -> float:
-            stamp = self.clock.now()
-            self.chain.post(self._begin_period, stamp, written)
-            return stamp - self.clock.ahead
-        self.syncs_sent += 1
-        try:
-            network.send_message(can_id, b'', announce=announce)
-        finally:
-            written.put(self.clock.now())
-        if self.clock.jumps != self._jumps_reported:
-            self._report_jump()
-
-    def _begin_period(self, stamp: float, written: SimpleQueue[float]) -> None:
-        """Begin a period, on the chain thread.
-
-        The thread first waits until the SYNC has been written, because answers must not be used before the delay of the
-        SYNC is known. The answers to a SYNC that takes longer than MOST_LATE are not used, so the thread waits no
-        longer.
-        """
-        try:
-            late = written.get(timeout=MOST_LATE) - stamp
-        except Empty:
-            late = inf
-        self._router.sync(stamp, late)
-
-    def _report_jump(self) -> None:
-        self._jumps_reported = self.clock.jumps
-        ahead = self.clock.ahead
-        if ahead:
-            logger.error('The wall clock was set. Stamps never go back, so they continue %.3f s ahead of the wall '
-                         'clock. To use the new time, deactivate and activate the driver.', ahead)
-        else:
-            logger.error('The wall clock was set, and the stamps follow it.')
