@@ -47,14 +47,7 @@ SNAPSHOT_WAIT = 0.02  #: Longest wait for further TPDOs [s]; equal to the usual 
 class SnapshotAssembler(PadAssembler):
     """The state machine of one pad that sends each TPDO on its own.
 
-    Parameters
-    ----------
-    layout : SkinLayout
-        Layout of the pad.
-    event : EventDriven
-        Timing of the pad's transmissions.
-    node_ids : sequence of int
-        Node-IDs of the pad, one for each node of the layout.
+    The arguments are those of `PadAssembler`, and ``event``, the timing of the pad's transmissions.
     """
 
     def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int]):

@@ -49,14 +49,7 @@ SILENCE = 5
 class SweepAssembler(PadAssembler):
     """The state machine of one pad that sends whole sweeps without SYNC.
 
-    Parameters
-    ----------
-    layout : SkinLayout
-        Layout of the pad.
-    event : EventDriven
-        Timing of the pad's transmissions.
-    node_ids : sequence of int
-        Node-IDs of the pad, one for each node of the layout.
+    The arguments are those of `PadAssembler`, and ``event``, the timing of the pad's transmissions.
     """
 
     def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int]):

@@ -195,25 +195,7 @@ class BusDevices:
             return read_errors(sdo)
 
     def auto_zero(self, pad: str) -> int:
-        """Tell all devices of a pad to zero themselves (CiA 404).
-
-        Parameters
-        ----------
-        pad : str
-            Name of the pad.
-
-        Returns
-        -------
-        int
-            Number of channels zeroed.
-
-        Raises
-        ------
-        DeviceError, BusError
-            Raised if no channel was zeroed.
-        HalfZeroedError
-            Raised if some channels were zeroed, or if a device did not answer.
-        """
+        """Tell all devices of a pad to zero themselves; see `FrameSource.auto_zero`."""
         zeroed = 0
         for node in self._nodes:
             if node.pad == pad:

@@ -38,17 +38,7 @@ class ClassifierNode(StageNode):
     largest contacts of a pad. With the parameter `lossless`, the node processes every contact, and publishes `shapes`
     even without a subscriber, because late subscribers also receive the messages.
 
-    Parameters
-    ----------
-    stages : Stages or None
-        Stages of this process, or None if the node runs alone in its process.
-    **options
-        Keyword arguments for rclpy's ``Node``.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if a parameter is invalid.
+    The arguments are those of `StageNode`. The constructor raises ConfigurationError if a parameter is invalid.
     """
 
     def __init__(self, stages: Stages | None = None, **options: Any):

@@ -54,12 +54,7 @@ RETRY_PERIOD = 0.5  #: Time between two attempts to configure while the driver w
 class DriverNode(StageNode, LifecycleNode):
     """Publishes `<pad>/taxels` for each pad while active, and /diagnostics and `~/status` in every lifecycle state.
 
-    Parameters
-    ----------
-    stages : Stages or None
-        Stages of this process, or None if the node runs alone in its process.
-    **options
-        Keyword arguments for rclpy's ``LifecycleNode``.
+    The arguments are those of `StageNode`.
     """
 
     _is_made = False  # True once the constructor has finished

@@ -37,17 +37,7 @@ class ProcessorNode(StageNode):
     With the parameter `lossless`, the processor always publishes both topics, because late subscribers also receive the
     messages. Images and wrenches for viewers are published only while these topics have subscribers.
 
-    Parameters
-    ----------
-    stages : Stages or None
-        Stages of this process, or None if the node runs alone in its process.
-    **options
-        Keyword arguments for rclpy's ``Node``.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if a parameter is invalid.
+    The arguments are those of `StageNode`. The constructor raises ConfigurationError if a parameter is invalid.
     """
 
     def __init__(self, stages: Stages | None = None, **options: Any):
