@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from tactile_node.conditioning.conditioned_pad import ConditionedPad, faults_text
+from tactile_node.conditioning.faulty_taxels_file import load_faults, save_faults
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.conditioning.tare import ContactGuard, TaredPad
-from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault, load_faults, save_faults
+from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.errors import ConfigurationError
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
