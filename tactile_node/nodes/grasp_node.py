@@ -13,9 +13,8 @@ from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import Opening
 from tactile_node.grasp.steadiness import SteadinessSettings
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
-from tactile_node.node_graph import NODE_NAMES, Role
+from tactile_node.node_graph import Role
 from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
-from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_transforms import publish_pad_frames
@@ -72,7 +71,7 @@ class GraspNode(StageNode):
         self._acquired = dict.fromkeys(SIDES, -math.inf)  # when the latest taxels of each side were acquired [s]
         self._received = -math.inf  # time when the latest shape was received [s]
         self._requests: GraspRequests | None = None
-        super().__init__(NODE_NAMES[Role.GRASP], stages, **options)
+        super().__init__(Role.GRASP, stages, **options)
         declare(self, GraspNodeSettings)
         self._settings = settings = read(self, GraspNodeSettings)
         self._gripper = gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
@@ -95,8 +94,7 @@ class GraspNode(StageNode):
             side: StageInput(self, ContactShape, f'{pad}/shape', partial(self.accept, side), settings,
                              check=check_contact_shape, parse=PadShape, stages=self._stages, steady=steady)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
-        self._ends = tuple(self._shapes.values())
-        MessageHealth(self, tuple(self._shapes.values()), settings)
+        self.begin_stage(settings, tuple(self._shapes.values()))
         self.tick(SILENCE_PERIOD, self._look_for_silence)
 
     def accept(self, side: str, shape: PadShape, acquired: float) -> None:

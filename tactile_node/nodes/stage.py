@@ -18,7 +18,7 @@ from rclpy.subscription import Subscription
 from tactile_node.chain import Chain, Step
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
-from tactile_node.ros.message_age import age_message
+from tactile_node.ros.message_age import age_since
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
@@ -121,7 +121,7 @@ class StageOutput(Generic[Result]):
 
     def _message(self, result: Result, acquired: float) -> Any:
         message = self._make(result)
-        message.age = age_message(time.monotonic() - acquired)
+        message.age = age_since(acquired)
         return message
 
 
