@@ -11,7 +11,8 @@ import pytest
 from tactile_node.conditioning.conditioned_pad import ConditionedPad, faults_text
 from tactile_node.conditioning.faulty_taxels_file import load_faults, save_faults
 from tactile_node.conditioning.gain import load_gains
-from tactile_node.conditioning.tare import ContactGuard, TaredPad
+from tactile_node.conditioning.tare import ContactGuard
+from tactile_node.conditioning.tared_pad import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.errors import ConfigurationError
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus

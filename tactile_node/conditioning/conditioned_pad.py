@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.conditioning.gain import ResponseCurve
-from tactile_node.conditioning.tare import TaredPad, ZeroState
+from tactile_node.conditioning.tared_pad import TaredPad, ZeroState
 from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.errors import HalfZeroedError
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only

@@ -13,7 +13,7 @@ from tactile_node.assembly.facts_history import FactsHistory
 from tactile_node.assembly.fault_text import sync_text
 from tactile_node.assembly.health import SyncState
 from tactile_node.conditioning.conditioned_pad import PadCondition, faults_text
-from tactile_node.conditioning.tare import ZeroState
+from tactile_node.conditioning.tared_pad import ZeroState
 from tactile_node.ros.message_health import status_of
 
 EVALUATED_PERIOD = 1.0  #: time over which the level is evaluated [s]
