@@ -29,8 +29,8 @@ def number_of(class_name: str) -> int:
     return NUMBER_OF_NAME.get(class_name, ContactShape.OTHER)
 
 
-class PadShape:
-    """The shape on a pad as a message.
+class ShapeMessage:
+    """The message on `<pad>/shape`, which the stages in one process pass on before it is complete.
 
     Computing the box takes as long as all other fields together, so the box is computed only when it is read.
 
@@ -67,7 +67,7 @@ class PadShape:
         return int(self.message.left_out)
 
 
-def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> PadShape:
+def shape_message(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> ShapeMessage:
     """Return the shape of a result as a message.
 
     Parameters
@@ -103,7 +103,7 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
     message.motion = motion_message(result.motion, seconds(frame.header.stamp))
     if result.fit is not None:
         _add_fit(message, result.fit)
-    return PadShape(message, result, solid_height)
+    return ShapeMessage(message, result, solid_height)
 
 
 def contact_pitch(message: ContactShape) -> float:
