@@ -170,14 +170,18 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
         super().__init__(node, kind, node.resolve_topic_name(topic), check, lossless=settings.lossless, steady=steady)
-        self._accept, self._parse, self._stages = accept, parse, stages
+        self._accept = accept
+        self._kind = kind
+        self._parse = parse
+        self._stages = stages
         self._step = step
         self._most_waiting = math.inf if settings.lossless else most_waiting
         qos = settings.input_qos
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
-        # usable results that wait for ``step``, each after the results that it has overtaken, and when it was acquired
-        self._waiting: deque[tuple[list[Result], float]] = deque()
+        # Usable results and messages that wait for ``step``: each after those that it has overtaken, and the time when
+        # its taxels were acquired.
+        self._waiting: deque[tuple[list[Any], float]] = deque()
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
@@ -210,7 +214,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._own.append(frame_key(result))
         self.attempt(self._look_for_others)
         if self.is_usable(result, acquired):
-            self._receive(result)
+            self._wait_for_step(result)
 
     def end_feeding(self) -> None:
         """Record that the previous stage is gone, so that every publisher of the topic counts as another source."""
@@ -228,8 +232,8 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._arrived.clear()
         self._stages.remove(self)
 
-    def _receive(self, result: Result) -> None:
-        self._waiting.append(([result], self.acquired))
+    def _wait_for_step(self, received: Any) -> None:
+        self._waiting.append(([received], self.acquired))
         if self._step is None:
             self._process_next()
         elif len(self._waiting) > self._most_waiting:
@@ -240,8 +244,11 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
 
     def _process_next(self) -> None:
         if self._waiting:
-            results, acquired = self._waiting.popleft()
-            self.process(results, self._accept, acquired)
+            received, acquired = self._waiting.popleft()
+            self.process(received, self._process, acquired)
+
+    def _process(self, received: Any, acquired: float) -> None:
+        self._accept(self._parse(received) if isinstance(received, self._kind) else received, acquired)
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
@@ -253,10 +260,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         message = self._arrived.popleft()
         self.count_publishers()
         if frame_key(message) not in self._own and self.is_usable(message):
-            self.attempt(self._receive_message, message)
-
-    def _receive_message(self, message: Message) -> None:
-        self._receive(self._parse(message))
+            self._wait_for_step(message)
 
     def _look_for_others(self) -> None:
         """Let the executor subscribe to the topic if another node publishes it, and end the subscription otherwise."""
