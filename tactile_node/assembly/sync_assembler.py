@@ -252,7 +252,7 @@ class SyncAssembler(PadAssembler):
             node.held[rank] = data
         else:
             sweep.tpdos[rank] = data
-        return frames if sweep.missing else frames + self._emit(sweep)
+        return frames if sweep.missing else frames + self._emit_sweep(sweep)
 
     def _feed_earlier(self, node: SweepSender, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         """Process a TPDO that was on the bus before the last SYNC."""
@@ -317,9 +317,9 @@ class SyncAssembler(PadAssembler):
 
     def _close_before(self) -> TaxelFrames:
         before, self._before = self._before, None
-        return () if before is None else self._emit(before)
+        return () if before is None else self._emit_sweep(before)
 
-    def _emit(self, sweep: Sweep) -> TaxelFrames:
+    def _emit_sweep(self, sweep: Sweep) -> TaxelFrames:
         sweep.is_emitted = True
         payload = bytearray(MAX_PDO_BYTES * len(self._names))
         fresh = np.zeros(len(self._names), bool)
@@ -327,7 +327,7 @@ class SyncAssembler(PadAssembler):
             payload[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
         fresh[list(sweep.tpdos)] = True
         self._fresh += fresh
-        return self._give(sweep.stamp, sweep.sequence, payload, fresh)
+        return self._emit_or_withhold(sweep.stamp, sweep.sequence, payload, fresh)
 
     def _restart_nodes(self, behind: float = 0) -> None:
         for node in self._nodes.values():
