@@ -6,7 +6,9 @@ import socket
 import sys
 import threading
 import time
+from collections import Counter
 from contextlib import suppress
+from functools import partial
 from math import inf
 from types import SimpleNamespace
 
@@ -16,6 +18,7 @@ from can_bench import serial_line
 from waiting import wait_until
 
 from tactile_node.assembly.health import BusFault
+from tactile_node.assembly.router import Router
 from tactile_node.bus import traffic as traffic_module
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import MOST_IN_BATCH, Batch, BusNetwork
@@ -153,8 +156,9 @@ class Clocked:
         monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
         bus = SimpleNamespace(was_unobserved=lambda until, seconds: self.spans.append(seconds),
                               saw_frame=lambda stamp: self.spans.append(None),
-                              saw_error=lambda: self.spans.append(inf))
-        router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None)
+                              saw_error=self.spans.append)
+        router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None, _counts=Counter())
+        router.feed_message = partial(Router.feed_message, router)
         monitor = BusMonitor([])
         self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True)
         self.begun = time.time() - 100.0
@@ -223,7 +227,7 @@ def test_a_frame_without_room_in_the_queue_is_counted_once(monkeypatch):
         bus.received(5.0, **kind)
     held.set()
     bus.seen()
-    assert (bus.traffic.overruns, dict(bus.traffic.no_data_frames)) == (1, {'foreign': 1, 'error': 1})
+    assert (bus.traffic.overruns, dict(bus.traffic.lost_others)) == (1, {'foreign': 1, 'error': 1})
 
 
 def test_a_clock_that_is_set_forward_does_not_count_as_a_free_bus(monkeypatch):

@@ -16,10 +16,6 @@ from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
 
-# Placeholder COB-IDs in the queue for messages that only occupy the bus.
-OTHER_FRAME = -1  #: for a remote frame, a CAN FD frame, or a frame with a 29-bit identifier
-ERROR_FRAME = -2  #: for an error frame
-
 
 class Traffic:
     """Posts every received message, and every sent message that the assembler needs, to the chain.
@@ -53,13 +49,12 @@ class Traffic:
         self.chain = chain or Chain('assembler')
         self._owns_chain = chain is None
         self.clock = StampClock(is_host_stamped)
-        self.no_data_frames: Counter[str] = Counter()  #: received messages that are not data frames, by kind
         self._posted = 0  # CAN frames posted to the chain
         self._fed = 0  # CAN frames that the chain has fed to the router
 
-        #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped.
-        #: no_data_frames counts the other messages of the batches for which the queue was full.
+        #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped
         self.overruns = 0
+        self.lost_others: Counter[str] = Counter()  #: other messages lost because the queue was full, by kind
         self._last_arrival = -inf  # stamp before which all messages so far had arrived
         self._is_gap = True  # True if messages before the next batch may be missing
         self._read_at = 0.0  # time at which the last batch was read, on the steady clock
@@ -91,23 +86,18 @@ class Traffic:
         is_gap = self._is_gap or batch.dropped > 0
         self._is_gap = True  # there is a gap, unless this batch gets into the queue
         self.overruns += batch.dropped
-        can_frames = []
+        stamped = []
         for message in batch.messages:
-            kind = non_data_kind(message)
-            if kind is None:
-                can_id, data = message.arbitration_id, bytes(message.data)
-                self._monitor.feed(can_id, data)
-                can_frames.append((can_id, data, self.clock.of(message.timestamp)))
-            else:
-                self._count_other(kind, message)
-                can_frames.append((ERROR_FRAME, b'', inf) if message.is_error_frame
-                                  else (OTHER_FRAME, b'', self.clock.of(message.timestamp)))
-        if self._posted - self._fed + len(can_frames) <= self._queue_limit:
-            self._posted += len(can_frames)
-            self.chain.post(self._feed, can_frames, self._arrival(batch), self._most_free(batch, is_gap))
+            self._observe(message)
+            stamped.append((message, inf if message.is_error_frame else self.clock.of(message.timestamp)))
+        if self._posted - self._fed + len(stamped) <= self._queue_limit:
+            self._posted += len(stamped)
+            self.chain.post(self._feed, stamped, self._arrival(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
-            self.overruns += sum(can_id >= 0 for can_id, _, _ in can_frames)
+            kinds = [non_data_kind(message) for message in batch.messages]
+            self.overruns += kinds.count(None)
+            self.lost_others.update(kind for kind in kinds if kind is not None)
 
     def _arrival(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
@@ -129,29 +119,26 @@ class Traffic:
         before, self._read_at = self._read_at, read
         return 0.0 if is_gap else max(0.0, after - before)
 
-    def _feed(self, can_frames: list[tuple[int, bytes, float]], arrival: tuple[float, float] | None,
+    def _feed(self, stamped: list[tuple[can.Message, float]], arrival: tuple[float, float] | None,
               most_free: float) -> None:
-        """Feed a batch to the router, on the chain thread.
+        """Feed the messages of a batch with their stamps to the router, on the chain thread.
 
         If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
         """
-        self._fed += len(can_frames)
-        for can_id, data, stamp in can_frames:
-            if can_id == ERROR_FRAME:
-                self._router.free_bus.saw_error()
-                continue
+        self._fed += len(stamped)
+        for message, stamp in stamped:
             after, until = arrival or (stamp, stamp)
-            not_free = max(0.0, after - self._last_arrival - most_free)
-            self._router.free_bus.was_unobserved(after, not_free)
-            self._last_arrival = until
-            if can_id == OTHER_FRAME:
-                self._router.free_bus.saw_frame(stamp)
-            else:
-                self._router.feed(can_id, data, stamp, after)
+            if not message.is_error_frame:
+                not_free = max(0.0, after - self._last_arrival - most_free)
+                self._router.free_bus.was_unobserved(after, not_free)
+                self._last_arrival = until
+            self._router.feed_message(message, stamp, after)
 
-    def _count_other(self, kind: str, message: can.Message) -> None:
-        self.no_data_frames[kind] += 1
-        if not message.is_error_frame:
+    def _observe(self, message: can.Message) -> None:
+        """Feed a message to the monitor, and report bus-off."""
+        if non_data_kind(message) is None:
+            self._monitor.feed(message.arbitration_id, bytes(message.data))
+        elif not message.is_error_frame:
             self._monitor.feed_other(message)
         elif self._monitor.feed_error(message):
             self._on_failure(BusFault.BUS_OFF, BusError(
