@@ -1,4 +1,4 @@
-"""Stamp and count the CAN frames of one bus, and post them to the chain, which assembles them."""
+"""Stamp the CAN frames of one bus, and post them to the chain, which assembles them."""
 
 import time
 from collections import Counter
@@ -79,7 +79,7 @@ class Traffic:
         self.chain.post(self._router.restart)
 
     def received(self, batch: Batch) -> None:
-        """Count, stamp and post a batch.
+        """Show a batch to the monitor, stamp its messages and post them to the chain.
 
         The reception thread calls ``received``, so the method must return quickly.
         """
