@@ -10,7 +10,6 @@ from typing import Any
 
 from tactile_node.chain import Step
 from tactile_node.grasp.gripper import Gripper, PadPose
-from tactile_node.grasp.opening import Opening
 from tactile_node.grasp.steadiness import SteadinessSettings
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
 from tactile_node.node_graph import Role
@@ -157,11 +156,10 @@ class GraspNode(StageNode):
 
     def _publish_at(self, now: float) -> None:
         """Compute the grasp at the time ``now`` [s] from the shapes received so far, and publish it."""
-        opening = self._opening.current()
         with self._lock:
-            state = self._tracker.state(now, opening.gap)
-            self._grasps.publish(self._message, state, opening, self._sides)
-            self._grasp_sides.publish(self._sides_message, state)
+            grasp = self._grasp_at(now)
+            self._grasps.publish(grasp.message)
+            self._grasp_sides.publish(self._sides_message, grasp.state)
             self._is_published = True
             if self._requests is not None:
                 self._requests.wake()
@@ -172,20 +170,16 @@ class GraspNode(StageNode):
         The stamps stand still after a lossless replay has ended. All shapes therefore count as too old once no shape
         has arrived for max_age.
         """
-        opening = self._opening.current()
         with self._lock:
-            steady = self._steady()
-            has_ended = self._settings.lossless and steady - self._received > self._settings.max_age
-            state, sides = self._tracker.state(math.inf if has_ended else self._now(), opening.gap), self._sides
-            return CurrentGrasp(state, sides, lambda: self._message(state, opening, sides))
+            has_ended = self._settings.lossless and self._steady() - self._received > self._settings.max_age
+            return self._grasp_at(math.inf if has_ended else self._now())
 
-    @property
-    def _sides(self) -> list[ContactShape]:
-        """Latest shapes of the left and the right pad."""
-        return [self._latest[side].message for side in SIDES]
-
-    def _message(self, state: GraspState, opening: Opening, sides: list[ContactShape]) -> Grasp:
-        return grasp_message(state, sides, opening, self._settings.frame, self._ages(), self._gripper)
+    def _grasp_at(self, now: float) -> CurrentGrasp:
+        opening = self._opening.current()
+        state = self._tracker.state(now, opening.gap)
+        sides = [self._latest[side].message for side in SIDES]
+        return CurrentGrasp(state, sides, partial(grasp_message, state, sides, opening, self._settings.frame,
+                                                  self._ages(), self._gripper))
 
     def _sides_message(self, state: GraspState) -> GraspSides:
         sides = [self._latest[side].complete_message for side in SIDES]
