@@ -99,12 +99,7 @@ class Router:
     def sync(self, stamp: float, late: float = 0.0) -> None:
         """End the period of every pad and begin the next one, because this driver or another device sent a SYNC.
 
-        Parameters
-        ----------
-        stamp : float
-            Stamp of the SYNC [s].
-        late : float
-            Largest delay of the SYNC after its stamp [s].
+        The arguments are those of `FreeBus.sync`.
         """
         self.free_bus.sync(stamp, late)
         for name, assembler in self._assemblers.items():

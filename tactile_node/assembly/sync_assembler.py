@@ -138,14 +138,7 @@ class Sweep:
 class SyncAssembler(PadAssembler):
     """The state machine of one pad whose TPDOs answer SYNC.
 
-    Parameters
-    ----------
-    layout : SkinLayout
-        Layout of the pad.
-    node_ids : sequence of int
-        Node-IDs of the pad, one for each node of the layout.
-    one_clock : bool
-        True if one clock stamps both TPDOs and SYNC.
+    The arguments are those of `PadAssembler`, and ``one_clock``, which is True if one clock stamps both TPDOs and SYNC.
     """
 
     answers_sync = True
@@ -190,19 +183,9 @@ class SyncAssembler(PadAssembler):
             node.settle()
 
     def sync(self, stamp: float, late: float = 0.0) -> TaxelFrames:
-        """End the period and begin the next one, because a SYNC was sent on the bus.
+        """End the period and begin the next one. Return the frames whose missing TPDOs can no longer arrive.
 
-        Parameters
-        ----------
-        stamp : float
-            Stamp of the SYNC [s].
-        late : float
-            Largest delay of the SYNC after its stamp [s].
-
-        Returns
-        -------
-        tuple of TaxelFrame
-            Frames whose missing TPDOs can no longer arrive.
+        The arguments are those of `FreeBus.sync`.
         """
         frames = self._end_sweep()
         self._sequence += 1

@@ -147,7 +147,7 @@ class SkinBus:
         boot_timeout : float
             Time allowed for the first answer of the device [s].
         pause : bool
-            True to set the device to PRE-OPERATIONAL first; False to configure the device while it sends.
+            True to set the device to PRE-OPERATIONAL first, so that the device sends no TPDOs while it is configured.
 
         Returns
         -------
@@ -157,7 +157,7 @@ class SkinBus:
         Raises
         ------
         DeviceError
-            Raised if the device is absent or rejects the configuration.
+            Raised if the device is absent, has another identity, or rejects the configuration.
         TwoDevicesError
             Raised if two devices answer with this node-ID.
         BusError

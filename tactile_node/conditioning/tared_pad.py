@@ -126,12 +126,8 @@ class TaredPad:
             Function that commands the device to zero itself and returns the number of zeroed channels.
         boots : callable
             Function that returns the number of boot-ups of the device.
-        frames : int
-            Number of frames to average.
-        limit : float
-            Reading at and above which a taxel counts as pressed.
-        timeout : float
-            Time allowed for the frames to arrive [s].
+        frames, limit, timeout
+            As for `tare`.
 
         Returns
         -------

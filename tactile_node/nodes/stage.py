@@ -245,9 +245,9 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
     def _process_next(self) -> None:
         if self._waiting:
             received, acquired = self._waiting.popleft()
-            self.process(received, self._process, acquired)
+            self.process(received, self._pass_on, acquired)
 
-    def _process(self, received: Any, acquired: float) -> None:
+    def _pass_on(self, received: Any, acquired: float) -> None:
         self._accept(self._parse(received) if isinstance(received, self._kind) else received, acquired)
 
     def _on_message(self, message: Message) -> None:
