@@ -1,4 +1,4 @@
-"""Send SYNC, and skip SYNCs while a node may be behind, so that the bus stays free until it proves that none is."""
+"""Send SYNC. While a node may be behind, skip SYNCs, so that a free bus proves that no node is behind."""
 
 import logging
 from collections.abc import Callable
@@ -88,7 +88,8 @@ class SyncProducer(Pacer):
     router : Router
         Router that the chain feeds.
     on_failure : callable
-        Function that is called with a `BusFault` and the exception if a SYNC cannot be sent or the thread ends.
+        Function that is called with a `BusFault` and the exception if a SYNC cannot be sent, or if an exception ends
+        the thread.
 
     Attributes
     ----------

@@ -248,6 +248,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
             self.process(received, self._pass_on, acquired)
 
     def _pass_on(self, received: Any, acquired: float) -> None:
+        """Call ``accept`` of the node with a result, or with the result that a message contains."""
         self._accept(self._parse(received) if isinstance(received, self._kind) else received, acquired)
 
     def _on_message(self, message: Message) -> None:
