@@ -20,10 +20,10 @@ from waiting import wait_until
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router
 from tactile_node.bus import traffic as traffic_module
+from tactile_node.bus.batch_reader import SocketBuffer
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import MOST_IN_BATCH, Batch, BusNetwork
 from tactile_node.bus.open_bus import open_bus
-from tactile_node.bus.socket_buffer import SocketBuffer
 from tactile_node.bus.sync_producer import SyncPause, SyncProducer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.viewing.node_record import BusRecord

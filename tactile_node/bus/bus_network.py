@@ -16,8 +16,8 @@ import can
 from canopen import Network, ObjectDictionary
 
 from tactile_node.assembly.health import BusFault
+from tactile_node.bus.batch_reader import SocketBuffer
 from tactile_node.bus.own_sdo import OwnSdoClient
-from tactile_node.bus.socket_buffer import SocketBuffer
 from tactile_node.errors import BusError
 from tactile_node.logs.log_writer import CanLogWriter
 from tactile_node.threads import ReportedThread, call_guarded
