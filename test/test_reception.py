@@ -20,9 +20,9 @@ from waiting import wait_until
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router
 from tactile_node.bus import traffic as traffic_module
-from tactile_node.bus.batch_reader import SocketBuffer
+from tactile_node.bus.batch_reader import MOST_IN_BATCH, Batch, BatchReader
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import MOST_IN_BATCH, Batch, BusNetwork
+from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.open_bus import open_bus
 from tactile_node.bus.sync_producer import SyncPause, SyncProducer
 from tactile_node.bus.traffic import Traffic
@@ -207,7 +207,7 @@ def test_the_drops_of_a_socket_are_counted_once_and_logged(caplog):
         receiver.bind(('127.0.0.1', 0))
         receiver.settimeout(1.0)
         before = receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-        buffer = SocketBuffer(SimpleNamespace(socket=receiver))
+        buffer = BatchReader(SimpleNamespace(socket=receiver))
         assert receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) > before and buffer.new_drops() == 0
         receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         for _ in range(100):

@@ -14,8 +14,9 @@ from waiting import wait_until
 
 from tactile_node.assembly.router import Router
 from tactile_node.bus import sync_producer
+from tactile_node.bus.batch_reader import Batch
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import Batch, BusNetwork
+from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.sync_producer import SyncProducer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.skin.pads import PadSettings

@@ -9,8 +9,9 @@ import can
 
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router, non_data_kind
+from tactile_node.bus.batch_reader import Batch
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import Batch, OnFailure
+from tactile_node.bus.bus_network import OnFailure
 from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
