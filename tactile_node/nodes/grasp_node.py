@@ -44,19 +44,8 @@ class GraspNode(StageNode):
     look current. A client uses the action `~/wait_for_grasp` or the service `~/check_grasp` to find out whether the
     grasp meets its requirement.
 
-    Parameters
-    ----------
-    stages : Stages or None
-        Stages of this process, or None if the node runs alone in its process.
-    steady : callable
-        Steady clock for ages and timeouts [s].
-    **options
-        Keyword arguments for rclpy's ``Node``.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if a parameter is invalid.
+    The arguments are those of `StageNode`, and ``steady``, the steady clock for ages and timeouts [s]. The constructor
+    raises ConfigurationError if a parameter is invalid.
     """
 
     def __init__(self, stages: Stages | None = None, *, steady: Callable[[], float] = time.monotonic,
