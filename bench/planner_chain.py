@@ -9,7 +9,7 @@ from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.ros.contact_messages import PadContact, PadFrame
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message
-from tactile_node.ros.shape_messages import shape_message
+from tactile_node.ros.shape_messages import pad_shape
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import NO_SIDE, SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
@@ -33,7 +33,7 @@ class _Pad:
                             f'{self._name}_pad')
         found = self._pipeline.find(frame.values, frame.taxels)
         result = self._pipeline.recognise(PadContact.of(frame, found).found, EPOCH + now)
-        return shape_message(frame, result, 'learned', 0.0).complete_message
+        return pad_shape(frame, result, 'learned', 0.0).complete_message
 
 
 class PlannerChain:

@@ -58,7 +58,7 @@ from tactile_node.ros.message_checks import (
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
 from tactile_node.ros.motion_messages import check_contact_event, event_message
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.shape_messages import shape_message
+from tactile_node.ros.shape_messages import pad_shape
 from tactile_node.ros.source_guard import SOURCE_HOLD
 from tactile_node.ros.time_messages import duration_message, time_message
 from tactile_node.shape.fusion import FusedRecognition, RecognitionFusion
@@ -110,7 +110,7 @@ def good_shape(sequence=0) -> ContactShape:
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     fused = FusedRecognition(frame, STAMP, 1.5, 30)
     result = StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
-    return shape_message(pad_frame_of(contact), result, 'learned', 0.0).complete_message
+    return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).complete_message
 
 
 def good_event(sequence=0) -> ContactEvent:

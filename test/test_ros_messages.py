@@ -26,7 +26,7 @@ from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import face_of, grasp_message, side_result, sides_message
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
-from tactile_node.ros.shape_messages import pose_message, shape_message
+from tactile_node.ros.shape_messages import pad_shape, pose_message
 from tactile_node.ros.time_messages import time_message
 from tactile_node.shape.fusion import FusedRecognition
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
@@ -84,7 +84,7 @@ def shape(values, kind, solid_height=0.0):
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
     fused = FusedRecognition(frame, STAMP - 1.5, 1.5, 30)
     result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found, found.moments, Motion())
-    return shape_message(pad_frame_of(message), result, 'learned', solid_height).complete_message
+    return pad_shape(pad_frame_of(message), result, 'learned', solid_height).complete_message
 
 
 def test_taxels_keep_values_nan_status_and_stamp():

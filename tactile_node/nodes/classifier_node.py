@@ -20,7 +20,7 @@ from tactile_node.ros.motion_messages import event_message
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import ClassifierSettings
-from tactile_node.ros.shape_messages import MOST_SHAPES, ShapeMessage, pose_message, shape_message, shapes_message
+from tactile_node.ros.shape_messages import MOST_SHAPES, PadShape, pad_shape, pose_message, shapes_message
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Contact, ContactEvent, ContactShape, ContactShapes
@@ -47,8 +47,8 @@ class ClassifierNode(StageNode):
             fusion=DEFAULT_FUSION if self._settings.fuse else None, shift_per_load=self._settings.shift_per_load)
         qos, lossless = self._settings.qos, self._settings.lossless
         self.recognised = 0  #: number of contacts for which a shape was published
-        self._shapes: StageOutput[ShapeMessage] = StageOutput(self, ContactShape, 'shape', self._settings,
-                                                              lambda shape: shape.complete_message, self._stages)
+        self._shapes: StageOutput[PadShape] = StageOutput(self, ContactShape, 'shape', self._settings,
+                                                          lambda shape: shape.complete_message, self._stages)
         self._poses = OnDemandPublisher(self, PoseWithCovarianceStamped, 'pose', qos, lossless=lossless)
         self._all_shapes = OnDemandPublisher(self, ContactShapes, 'shapes', qos, lossless=lossless)
         self._events = self.create_publisher(ContactEvent, 'events', frames_qos(EVENT_DEPTH, lossless))
@@ -71,7 +71,7 @@ class ClassifierNode(StageNode):
         if self._view.is_wanted or self._all_shapes.is_wanted:
             self._contacts.postpone(Step.SHOW, acquired, self._publish_more, contact, result, shape, acquired)
 
-    def _publish_more(self, contact: PadContact, result: StreamedContact, shape: ShapeMessage, acquired: float) -> None:
+    def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, acquired: float) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
         self._all_shapes.publish(self._all_shapes_of, contact, result, acquired)
         self._view.publish(contact, shape.message)
@@ -83,8 +83,8 @@ class ClassifierNode(StageNode):
         together.age = age_since(acquired)
         return together
 
-    def _shape(self, contact: PadContact, result: StreamedContact, acquired: float) -> ShapeMessage:
-        shape = shape_message(contact.frame, result, self._settings.method, self._settings.solid_height)
+    def _shape(self, contact: PadContact, result: StreamedContact, acquired: float) -> PadShape:
+        shape = pad_shape(contact.frame, result, self._settings.method, self._settings.solid_height)
         shape.message.age = age_since(acquired)
         return shape
 

@@ -24,7 +24,7 @@ from tactile_node.ros.grasp_messages import grasp_message, side_result, sides_me
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import GraspNodeSettings
-from tactile_node.ros.shape_messages import ShapeMessage
+from tactile_node.ros.shape_messages import PadShape
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
@@ -69,7 +69,7 @@ class GraspNode(StageNode):
             max_skew=settings.max_skew, max_age=settings.max_age))
         self._opening = make_opening_source(self, settings, gripper.closing, steady)
         publish_pad_frames(self, settings, gripper, self._opening)
-        self._latest = {side: ShapeMessage(ContactShape()) for side in SIDES}
+        self._latest = {side: PadShape(ContactShape()) for side in SIDES}
         self._is_published = True  # False while a shape waits to be published in a grasp
         self._stamp = 0.0  # latest stamp, which serves as the clock of a lossless replay [s]
         qos, lossless = settings.qos, settings.lossless
@@ -78,21 +78,21 @@ class GraspNode(StageNode):
         self._requests = GraspRequests(self, self._current, steady)
         # time at which each side counts as silent unless another shape arrives, on the steady clock [s]
         self._silent_at = dict.fromkeys(SIDES, math.inf)
-        self._shapes: dict[str, StageInput[ContactShape, ShapeMessage]] = {
+        self._shapes: dict[str, StageInput[ContactShape, PadShape]] = {
             side: StageInput(self, ContactShape, f'{pad}/shape', partial(self.accept, side), settings,
-                             check=check_contact_shape, parse=ShapeMessage, stages=self._stages, steady=steady)
+                             check=check_contact_shape, parse=PadShape, stages=self._stages, steady=steady)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
         self.begin_stage(settings, tuple(self._shapes.values()))
         self.tick(SILENCE_PERIOD, self._look_for_silence)
 
-    def accept(self, side: str, shape: ShapeMessage, acquired: float) -> None:
+    def accept(self, side: str, shape: PadShape, acquired: float) -> None:
         """Update the grasp with a new shape from one pad, and publish the grasp after the waiting shapes.
 
         Parameters
         ----------
         side : str
             Side of the pad, one of SIDES.
-        shape : ShapeMessage
+        shape : PadShape
             Shape on the pad of this side.
         acquired : float
             Time when the taxels were acquired, on the steady clock [s]; -inf if not known.

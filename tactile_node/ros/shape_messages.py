@@ -29,8 +29,8 @@ def number_of(class_name: str) -> int:
     return NUMBER_OF_NAME.get(class_name, ContactShape.OTHER)
 
 
-class ShapeMessage:
-    """The message on `<pad>/shape`, which the stages in one process pass on before it is complete.
+class PadShape:
+    """The shape on a pad as a message.
 
     Computing the box takes as long as all other fields together, so the box is computed only when it is read.
 
@@ -67,7 +67,7 @@ class ShapeMessage:
         return int(self.message.left_out)
 
 
-def shape_message(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> ShapeMessage:
+def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> PadShape:
     """Return the shape of a result as a message.
 
     Parameters
@@ -103,7 +103,7 @@ def shape_message(frame: PadFrame, result: StreamedContact, method: str, solid_h
     message.motion = motion_message(result.motion, seconds(frame.header.stamp))
     if result.fit is not None:
         _add_fit(message, result.fit)
-    return ShapeMessage(message, result, solid_height)
+    return PadShape(message, result, solid_height)
 
 
 def contact_pitch(message: ContactShape) -> float:
