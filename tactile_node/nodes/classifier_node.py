@@ -64,7 +64,7 @@ class ClassifierNode(StageNode):
         shape.message.left_out = self._contacts.left_out
         self._shapes.send(shape, acquired)
         if shape.message.fit_valid:
-            self._poses.publish(pose_message, shape.message)
+            self._poses.publish(lambda: pose_message(shape.message))
         for event in result.motion.events:
             self._events.publish(event_message(event, contact.header, contact.sequence, age_since(acquired)))
         self.recognised += 1
