@@ -32,7 +32,8 @@ from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.health import BusFault, ForeignCommand, NodeFault, Overload, SentTpdo, SyncFault
 from tactile_node.cia301.emergency import DeviceErrors, Emergency
 from tactile_node.cia301.objects import NmtState
-from tactile_node.conditioning.tare import ContactGuard, TaredPad
+from tactile_node.conditioning.tare import ContactGuard
+from tactile_node.conditioning.tared_pad import TaredPad
 from tactile_node.errors import BusError, DeviceAbsentError, DeviceError, TareRefusedError, TwoDevicesError
 from tactile_node.simulator.device import SimulatedDevice
 from tactile_node.simulator.skin_simulator import SkinSimulator

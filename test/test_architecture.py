@@ -164,6 +164,18 @@ def test_each_counter_of_a_lost_frame_exists():
     assert not [name for name in counters if name.removeprefix('dropped_') not in known]
 
 
+def test_each_file_to_read_comes_after_the_files_that_it_uses():
+    page = (ROOT / 'docs/architecture.md').read_text(encoding='utf-8')
+    table = page.partition('## Files to read')[2].partition('Each other module')[0]
+    rows = re.findall(r'^\|[^|]*\| `([\w/]+)\.py`[^|]*\| ([^|]*) \|$', table, re.MULTILINE)
+    assert len(rows) > 30
+    modules_in_order = ['tactile_node.' + path.replace('/', '.') for path, _ in rows]
+    for number, (path, read) in enumerate(rows):
+        assert not imports(PACKAGE / f'{path}.py') & set(modules_in_order[number + 1:]), path
+        source = (PACKAGE / f'{path}.py').read_text(encoding='utf-8')
+        assert all(re.search(rf'(def|class) {name}\W', source) for name in re.findall(r'`(\w+)`', read)), path
+
+
 def test_each_file_to_read_defines_its_classes():
     page = (ROOT / 'docs/architecture.md').read_text(encoding='utf-8')
     listed = re.findall(r'`([\w/]+\.py)`(?: \(([^)]*)\))?', page.partition('## Files to read')[2])

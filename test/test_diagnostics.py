@@ -20,9 +20,9 @@ from tactile_node.assembly.health import (
 from tactile_node.cia301.emergency import decode_emergency
 from tactile_node.cia301.objects import NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
-from tactile_node.conditioning.tare import ZeroState
-from tactile_node.conditioning.taxel_faults import FaultyTaxels
-from tactile_node.ros.diagnostics import BusDiagnostics
+from tactile_node.conditioning.tared_pad import ZeroState
+from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
+from tactile_node.ros.diagnostics import BusDiagnostics, faults_text
 
 pytestmark = pytest.mark.ros
 
@@ -146,3 +146,10 @@ def test_a_pad_whose_zero_is_not_valid_is_an_error_with_its_reason(zero):
     assert status.level == ERROR and zero.phrase in status.message
     conditions = {'left': PadCondition(no_faults)}
     assert diagnosed(diagnostics, healthy_but(frames=20), conditions).status[1].level == OK
+
+
+def test_faulty_taxels_are_reported_and_bounded():
+    kinds = np.zeros((12, 12), np.uint8)
+    kinds[3, 4], kinds[0], kinds[1, 1:11] = TaxelFault.DEAD, TaxelFault.STUCK, TaxelFault.STUCK
+    assert faults_text(FaultyTaxels(kinds)).startswith('dead: (3, 4); stuck: (0, 0), (0, 1)')
+    assert faults_text(FaultyTaxels(kinds)).endswith('(1, 8) and 2 more')

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from tactile_node.conditioning.drift import DriftFollower
-from tactile_node.conditioning.tare import ContactGuard, TaredPad
+from tactile_node.conditioning.tare import ContactGuard
+from tactile_node.conditioning.tared_pad import TaredPad
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 LIMIT = 10e3   # Pa

@@ -11,8 +11,9 @@ from fault_bench import LAYOUT, PRESSED, SIDE, FaultBench
 from rclpy.lifecycle import TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
+from tactile_node.conditioning.faulty_taxels_file import load_faults
 from tactile_node.conditioning.gain import make_curve
-from tactile_node.conditioning.taxel_faults import TaxelFault, load_faults
+from tactile_node.conditioning.taxel_faults import TaxelFault
 from tactile_node.errors import ConfigurationError
 from tactile_node.learning.response import SkinResponse, save_response
 from tactile_node.nodes import driver_node

@@ -187,6 +187,6 @@ def test_pads_with_and_without_sync_on_one_bus():
     simulator.stop()
     assert {name for name, frame in frames if frame.tpdo_ages is not None} == {'event'}
     counts = driver.facts()
-    assert driver.traffic.syncs_sent > 3
+    assert driver.sync.sent > 3
     assert all(pad.tpdos_received == pad.tpdos_used + pad.tpdos_pending + sum(pad.losses.values())
                for pad in counts.pads)

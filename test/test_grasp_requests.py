@@ -19,8 +19,8 @@ from tactile_node.grasp.tracker import GraspContact, GraspState, SideState
 from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests
 from tactile_node.nodes.spinner import SpinnerExecutor
 from tactile_node.ros.grasp_checks import check_grasp
-from tactile_node.ros.grasp_messages import requirement_of, timeout_of
 from tactile_node.ros.message_age import age_seconds
+from tactile_node.ros.requirement_messages import requirement_of, timeout_of
 from tactile_node.ros.time_messages import duration_message
 from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState

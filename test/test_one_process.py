@@ -19,6 +19,7 @@ from sensor_msgs.msg import Image
 from waiting import until
 
 from examples.demo.topics import frame_topics
+from tactile_node.chain import Step
 from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import bus_nodes
 from tactile_node.nodes import message_guard
@@ -312,7 +313,8 @@ def test_a_chain_that_hangs_does_not_keep_the_grasp_fresh():
 def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
     """Without subscribers, 50 frames per second would each create a task and a closure that nobody needs."""
     postponed = []
-    monkeypatch.setattr(StageInput, 'postpone', lambda stage, publish, acquired: postponed.append(stage.topic))
+    monkeypatch.setattr(StageInput, 'postpone',
+                        lambda stage, step, *call: step is Step.SHOW and postponed.append(stage.topic))
     with Process() as process:
         stages = [process.input(name) for name in ('/left/processor', '/left/classifier')]
         until(lambda: (process.send(), time.sleep(PERIOD), all(each.counts.processed > 5 for each in stages))[-1])

@@ -19,10 +19,10 @@ from captured_log import CapturedLog
 from waiting import wait_until
 
 from tactile_node.assembly.health import BusFault, Overload
+from tactile_node.bus.batch_reader import WANTED_SIZE
 from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.open_bus import open_bus
-from tactile_node.bus.socket_buffer import WANTED_SIZE
 from tactile_node.errors import BusError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.skin.pads import make_pad, make_pads, with_dictionaries

@@ -6,7 +6,9 @@ import socket
 import sys
 import threading
 import time
+from collections import Counter
 from contextlib import suppress
+from functools import partial
 from math import inf
 from types import SimpleNamespace
 
@@ -16,12 +18,13 @@ from can_bench import serial_line
 from waiting import wait_until
 
 from tactile_node.assembly.health import BusFault
+from tactile_node.assembly.router import Router
 from tactile_node.bus import traffic as traffic_module
+from tactile_node.bus.batch_reader import MOST_IN_BATCH, Batch, BatchReader
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import MOST_IN_BATCH, Batch, BusNetwork
+from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.open_bus import open_bus
-from tactile_node.bus.socket_buffer import SocketBuffer
-from tactile_node.bus.sync_pause import SyncPause
+from tactile_node.bus.sync_producer import SyncPause, SyncProducer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.viewing.node_record import BusRecord
 
@@ -131,14 +134,15 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
     After the omitted SYNCs, the driver omits none for a while.
     """
     router = SimpleNamespace(is_in_doubt=False, sync=lambda stamp: None)
-    traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True, sync_period=0.02)
+    traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True)
     sent = []
     network = SimpleNamespace(send_message=lambda *args, **kwargs: sent.append(number))
+    producer = SyncProducer(0.02, 0x80, lambda: network, traffic, router, None)
     for number in range(24):
         router.is_in_doubt = number >= 10
-        traffic.send_sync(network, 0x80)
+        producer.send()
     assert sent == [*range(10), 13, 14, 15, 16, 20, 21, 22, 23]
-    assert traffic.pause.count == 6 and traffic.syncs_sent == len(sent)
+    assert producer.pause.count == 6 and producer.sent == len(sent)
 
 
 class Clocked:
@@ -152,11 +156,11 @@ class Clocked:
         monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
         bus = SimpleNamespace(was_unobserved=lambda until, seconds: self.spans.append(seconds),
                               saw_frame=lambda stamp: self.spans.append(None),
-                              saw_error=lambda: self.spans.append(inf))
-        router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None)
+                              saw_error=self.spans.append)
+        router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None, _counts=Counter())
+        router.feed_message = partial(Router.feed_message, router)
         monitor = BusMonitor([])
-        self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True,
-                               sync_period=0.02)
+        self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True)
         self.begun = time.time() - 100.0
         self.traffic.begin()
 
@@ -203,7 +207,7 @@ def test_the_drops_of_a_socket_are_counted_once_and_logged(caplog):
         receiver.bind(('127.0.0.1', 0))
         receiver.settimeout(1.0)
         before = receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-        buffer = SocketBuffer(SimpleNamespace(socket=receiver))
+        buffer = BatchReader(SimpleNamespace(socket=receiver))
         assert receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) > before and buffer.new_drops() == 0
         receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         for _ in range(100):
@@ -223,7 +227,7 @@ def test_a_frame_without_room_in_the_queue_is_counted_once(monkeypatch):
         bus.received(5.0, **kind)
     held.set()
     bus.seen()
-    assert (bus.traffic.overruns, dict(bus.traffic.no_data_frames)) == (1, {'foreign': 1, 'error': 1})
+    assert (bus.traffic.overruns, dict(bus.traffic.lost_others)) == (1, {'foreign': 1, 'error': 1})
 
 
 def test_a_clock_that_is_set_forward_does_not_count_as_a_free_bus(monkeypatch):
@@ -252,8 +256,7 @@ WIRE_BITS = [({'is_extended_id': False, 'data': bytes(8)}, 98 + 24 + 13),
 @pytest.mark.parametrize(('kind', 'bits'), WIRE_BITS)
 def test_the_live_bus_load_counts_every_frame_on_the_wire_as_the_report_does(kind, bits):
     monitor, record = BusMonitor([32]), BusRecord(1_000_000)
-    traffic = Traffic(SimpleNamespace(), monitor, None, polled=(), queue_limit=99, is_host_stamped=True,
-                      sync_period=0.02)
+    traffic = Traffic(SimpleNamespace(), monitor, None, polled=(), queue_limit=99, is_host_stamped=True)
     messages = [can.Message(timestamp=100.0 + stamp, arbitration_id=0x1A0, **kind) for stamp in (0.1, 0.2, 1.5)]
     traffic.received(Batch([*messages, can.Message(timestamp=101.6, is_error_frame=True)]))
     for message in messages:

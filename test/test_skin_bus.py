@@ -212,7 +212,7 @@ def test_a_sync_producer_that_dies_is_an_internal_error_with_its_traceback(monke
     with Bench('dying', sync_period=0.01) as bench:
         bench.run()
         bench.take(1)
-        monkeypatch.setattr(bench.driver.traffic, 'send_sync', lambda *_: 1 / 0)
+        monkeypatch.setattr(bench.driver.sync.pause, 'is_due', lambda is_in_doubt: 1 / 0)
         assert wait_until(lambda: bench.driver.failure)
         assert bench.driver.failure.fault is BusFault.INTERNAL_ERROR
     assert 'Traceback' in caplog.text and 'ZeroDivisionError' in caplog.text

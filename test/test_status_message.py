@@ -22,7 +22,7 @@ from tactile_node.assembly.health import (
 )
 from tactile_node.cia301.objects import NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
-from tactile_node.conditioning.tare import ZeroState
+from tactile_node.conditioning.tared_pad import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.errors import TareRefusal
 from tactile_node.ros.diagnostics import BusDiagnostics

@@ -13,9 +13,11 @@ from test_stamp_clock import Hands
 from waiting import wait_until
 
 from tactile_node.assembly.router import Router
-from tactile_node.bus import traffic
+from tactile_node.bus import sync_producer
+from tactile_node.bus.batch_reader import Batch
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import Batch, BusNetwork
+from tactile_node.bus.bus_network import BusNetwork
+from tactile_node.bus.sync_producer import SyncProducer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.skin.pads import PadSettings
 
@@ -64,10 +66,11 @@ class HeldUp:
         self._router = Router((pad,), lambda name, frame: self.frames.append(frame), foreign_sync=False,
                               one_clock=one_clock)
         self.traffic = Traffic(self._router, BusMonitor([32]), print, polled=(), queue_limit=999,
-                               is_host_stamped=True, sync_period=PERIOD)
+                               is_host_stamped=True)
         self.traffic.clock = self.hands.clock()
         self.network = BusNetwork(self.bus, self.traffic.received, print)
         self.bus.received = self.traffic.received
+        self.producer = SyncProducer(PERIOD, 0x80, lambda: self.network, self.traffic, self._router, print)
 
     def __enter__(self):
         self.traffic.begin()
@@ -81,7 +84,7 @@ class HeldUp:
     def sync(self, count=1):
         for _ in range(count):
             self.hands.wait(PERIOD)
-            self.traffic.send_sync(self.network, 0x80)
+            self.producer.send()
 
     def wait_for(self, frames):
         assert wait_until(lambda: len(self.frames) >= frames), self.frames
@@ -108,7 +111,7 @@ def patient(monkeypatch):
 
     The duration of a write then depends only on the clocks of the test, not on the load of the machine.
     """
-    monkeypatch.setattr(traffic, 'MOST_LATE', 60)
+    monkeypatch.setattr(sync_producer, 'MOST_LATE', 60)
 
 
 @pytest.mark.parametrize('stall', [STALL, 0.03])

@@ -5,7 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from tactile_node.conditioning.tare import ContactGuard, TaredPad, ZeroState, measure
+from tactile_node.conditioning.tare import ContactGuard, measure
+from tactile_node.conditioning.tared_pad import TaredPad, ZeroState
 from tactile_node.errors import DeviceError, HalfZeroedError, TareRefusal, TareRefusedError
 from tactile_node.taxel_frame import TaxelFrame
 

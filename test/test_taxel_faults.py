@@ -8,10 +8,12 @@ import os
 import numpy as np
 import pytest
 
-from tactile_node.conditioning.conditioned_pad import ConditionedPad, faults_text
+from tactile_node.conditioning.conditioned_pad import ConditionedPad
+from tactile_node.conditioning.faulty_taxels_file import load_faults, save_faults
 from tactile_node.conditioning.gain import load_gains
-from tactile_node.conditioning.tare import ContactGuard, TaredPad
-from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault, load_faults, save_faults
+from tactile_node.conditioning.tare import ContactGuard
+from tactile_node.conditioning.tared_pad import TaredPad
+from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.errors import ConfigurationError
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
@@ -160,13 +162,6 @@ def test_frames_without_values_add_no_evidence():
     pad = Pad(lambda values, n: np.where(n % 3 == 0, np.nan, values))
     pad.touches(*places())
     assert not pad.ever.any()
-
-
-def test_places_are_reported_and_bounded():
-    kinds = np.zeros((SIDE, SIDE), np.uint8)
-    kinds[3, 4], kinds[0], kinds[1, 1:11] = DEAD, STUCK, STUCK
-    assert faults_text(FaultyTaxels(kinds)).startswith('dead: (3, 4); stuck: (0, 0), (0, 1)')
-    assert faults_text(FaultyTaxels(kinds)).endswith('(1, 8) and 2 more')
 
 
 def frame(values, status=TaxelStatus.VALID):

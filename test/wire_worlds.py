@@ -11,7 +11,7 @@ from wire import BIT, SYNC_ID, Carried, Node, carried, frame_seconds
 
 from tactile_node.assembly.router import Router
 from tactile_node.bus.bus_network import READ_PAUSE
-from tactile_node.bus.sync_pause import SyncPause
+from tactile_node.bus.sync_producer import SyncPause
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus

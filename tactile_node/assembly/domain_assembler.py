@@ -76,7 +76,7 @@ class DomainAssembler(PadAssembler):
         if self._stamp is None:
             return ()
         stamp, self._stamp = self._stamp, None
-        return self._give(stamp, self._sequence, payload, np.array([is_fresh]))
+        return self._emit_or_withhold(stamp, self._sequence, payload, np.array([is_fresh]))
 
     def _lose_upload(self, reason: LossReason) -> TaxelFrames:
         self._received += 1

@@ -67,7 +67,7 @@ class FreeBus:
         """Record that a frame that does not answer SYNC was received at ``stamp`` [s]."""
         self._occupy(stamp, self._frame_time)
 
-    def saw_error(self, stamp: float = inf) -> None:
+    def saw_error(self, stamp: float) -> None:
         """Record an error frame. The bus may have more errors, so no time before ``stamp`` [s] counts as free."""
         self._occupy(stamp, inf)
 

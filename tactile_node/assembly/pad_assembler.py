@@ -162,16 +162,17 @@ class PadAssembler:
         self._withheld += 1
         self._missing += missing
 
-    def _give(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray) -> TaxelFrames:
+    def _emit_or_withhold(self, stamp: float, sequence: int, payload: bytes | bytearray,
+                          fresh: np.ndarray) -> TaxelFrames:
         """Emit a taxel frame from the ``fresh`` TPDOs (bool by rank), or withhold it and count these TPDOs as lost."""
         missing = int((~fresh).sum())
         if missing and self.drop_incomplete:
             self._count_withheld(missing)
             return self._lose(LossReason.INCOMPLETE, int(fresh.sum()))
-        return self._give_frame(stamp, sequence, payload, fresh, fresh, missing)
+        return self._emit_frame(stamp, sequence, payload, fresh, fresh, missing)
 
-    def _give_frame(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray, used: np.ndarray,
-                    missing: int, ages: TpdoAges | None = None) -> TaxelFrames:
+    def _emit_frame(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray,
+                    used: np.ndarray, missing: int, ages: TpdoAges | None = None) -> TaxelFrames:
         """Emit a taxel frame in which ``missing`` TPDOs are missing.
 
         ``used`` (bool by rank) marks the TPDOs that no earlier frame contained. Only the TPDOs marked in ``used`` are

@@ -99,12 +99,7 @@ class Router:
     def sync(self, stamp: float, late: float = 0.0) -> None:
         """End the period of every pad and begin the next one, because this driver or another device sent a SYNC.
 
-        Parameters
-        ----------
-        stamp : float
-            Stamp of the SYNC [s].
-        late : float
-            Largest delay of the SYNC after its stamp [s].
+        The arguments are those of `FreeBus.sync`.
         """
         self.free_bus.sync(stamp, late)
         for name, assembler in self._assemblers.items():
@@ -142,18 +137,28 @@ class Router:
             if frames := assembler.feed(can_id, data, stamp):
                 self._deliver(name, frames)
 
-    def feed_message(self, message: can.Message) -> None:
+    def feed_message(self, message: can.Message, stamp: float | None = None, after: float | None = None) -> None:
         """Process any python-can message.
 
-        A message that is not a data frame with an 11-bit identifier is counted and then ignored.
+        A message that is not a data frame with an 11-bit identifier is counted, and occupies the bus.
+
+        Parameters
+        ----------
+        message : can.Message
+            The message.
+        stamp : float or None
+            Stamp of the message [s]; None for its own timestamp.
+        after : float or None
+            As for `feed`.
         """
         kind = non_data_kind(message)
+        stamp = message.timestamp if stamp is None else stamp
         if kind is None:
-            self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
+            self.feed(message.arbitration_id, bytes(message.data), stamp, after)
         else:
             self._counts[kind] += 1
             saw = self.free_bus.saw_error if message.is_error_frame else self.free_bus.saw_frame
-            saw(message.timestamp)
+            saw(stamp)
 
     def end(self) -> None:
         """End the last period of each pad, because no more CAN frames will follow."""

@@ -47,14 +47,7 @@ SNAPSHOT_WAIT = 0.02  #: Longest wait for further TPDOs [s]; equal to the usual 
 class SnapshotAssembler(PadAssembler):
     """The state machine of one pad that sends each TPDO on its own.
 
-    Parameters
-    ----------
-    layout : SkinLayout
-        Layout of the pad.
-    event : EventDriven
-        Timing of the pad's transmissions.
-    node_ids : sequence of int
-        Node-IDs of the pad, one for each node of the layout.
+    The arguments are those of `PadAssembler`, and ``event``, the timing of the pad's transmissions.
     """
 
     def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int]):
@@ -72,7 +65,7 @@ class SnapshotAssembler(PadAssembler):
         self._started.add(node_id)
 
     def end_period(self) -> TaxelFrames:
-        frames = self._give_new()
+        frames = self._emit_new()
         self._forget()
         return frames
 
@@ -83,10 +76,10 @@ class SnapshotAssembler(PadAssembler):
         if self._is_duplicate(rank, data, stamp):
             return frames + self._lose(LossReason.DUPLICATE)
         if self._is_new[rank] or stamp - self._first_new > SNAPSHOT_WAIT:
-            frames += self._give_new()
+            frames += self._emit_new()
         self._take(rank, data, stamp)
         if (self._is_new | self._is_too_old()).all():
-            frames += self._give_new()
+            frames += self._emit_new()
         return frames
 
     def _pending(self) -> int:
@@ -111,7 +104,7 @@ class SnapshotAssembler(PadAssembler):
             frames = self.end_period()
             is_first = True
         elif self._started:
-            frames = self._give_new()
+            frames = self._emit_new()
             forgotten = np.isin(self._node_ids, list(self._started))
             self._lose(LossReason.INCOMPLETE, int((self._unused & forgotten).sum()))
             self._unused &= ~forgotten
@@ -140,7 +133,7 @@ class SnapshotAssembler(PadAssembler):
         """Return, for each rank, True if the last TPDO is older than ``max_age``."""
         return np.greater(self._newest - self._stamps, self._event.max_age)
 
-    def _give_new(self) -> TaxelFrames:
+    def _emit_new(self) -> TaxelFrames:
         """Return a snapshot if any value is new, otherwise an empty tuple."""
         if not self._is_new.any():
             return ()
@@ -155,7 +148,7 @@ class SnapshotAssembler(PadAssembler):
         self._lose(LossReason.INCOMPLETE, int((self._unused & ~fresh).sum()))
         used, self._unused = self._unused & fresh, np.zeros(len(fresh), bool)
         ages = TpdoAges(read_only((self._newest - self._stamps).astype(np.float32)), self._taxel_tpdos)
-        return self._give_frame(self._newest, self._sequence, self._words, fresh, used, missing, ages)
+        return self._emit_frame(self._newest, self._sequence, self._words, fresh, used, missing, ages)
 
 
 def _taxel_tpdos(layout: SkinLayout) -> np.ndarray:

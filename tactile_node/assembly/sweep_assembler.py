@@ -49,14 +49,7 @@ SILENCE = 5
 class SweepAssembler(PadAssembler):
     """The state machine of one pad that sends whole sweeps without SYNC.
 
-    Parameters
-    ----------
-    layout : SkinLayout
-        Layout of the pad.
-    event : EventDriven
-        Timing of the pad's transmissions.
-    node_ids : sequence of int
-        Node-IDs of the pad, one for each node of the layout.
+    The arguments are those of `PadAssembler`, and ``event``, the timing of the pad's transmissions.
     """
 
     def __init__(self, layout: SkinLayout, event: EventDriven, node_ids: Sequence[int]):
@@ -66,7 +59,7 @@ class SweepAssembler(PadAssembler):
         self._first: float | None = None  # stamp of the first TPDO in the run
         self._words = bytearray()
         self._fresh = np.zeros(self._size, bool)
-        self._is_given = True  # True if the run was emitted or no run has begun
+        self._is_emitted = True  # True if the run was emitted or no run has begun
         self._last = -1, b''  # rank and bytes of the last TPDO
         self.restart()
 
@@ -95,12 +88,12 @@ class SweepAssembler(PadAssembler):
         return frames + self._end() if rank == self._size - 1 else frames
 
     def _pending(self) -> int:
-        return 0 if self._is_given else int(self._fresh.sum())
+        return 0 if self._is_emitted else int(self._fresh.sum())
 
     def _forget(self) -> None:
         self._lose(LossReason.UNFINISHED, self._pending())
         self._first = None
-        self._is_given = True
+        self._is_emitted = True
         self._is_continued = False  # True if the next TPDO may belong to the present run
         self._is_held_back = False  # True if the run may have waited in an adapter
         self._last = -1, b''
@@ -121,13 +114,13 @@ class SweepAssembler(PadAssembler):
         self._first = stamp
         self._words = bytearray(MAX_PDO_BYTES * self._size)
         self._fresh = np.zeros(self._size, bool)
-        self._is_continued, self._is_given = True, False
+        self._is_continued, self._is_emitted = True, False
 
     def _end(self) -> TaxelFrames:
         """Return the frame of the present run, if there is one."""
-        if self._is_given or self._first is None:
+        if self._is_emitted or self._first is None:
             return ()
-        self._is_given = True
+        self._is_emitted = True
         if self._is_held_back:
             return self._lose(LossReason.LATE, int(self._fresh.sum()))
-        return self._give(self._first, self._sequence, self._words, self._fresh)
+        return self._emit_or_withhold(self._first, self._sequence, self._words, self._fresh)

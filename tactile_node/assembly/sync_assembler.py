@@ -138,14 +138,7 @@ class Sweep:
 class SyncAssembler(PadAssembler):
     """The state machine of one pad whose TPDOs answer SYNC.
 
-    Parameters
-    ----------
-    layout : SkinLayout
-        Layout of the pad.
-    node_ids : sequence of int
-        Node-IDs of the pad, one for each node of the layout.
-    one_clock : bool
-        True if one clock stamps both TPDOs and SYNC.
+    The arguments are those of `PadAssembler`, and ``one_clock``, which is True if one clock stamps both TPDOs and SYNC.
     """
 
     answers_sync = True
@@ -190,19 +183,9 @@ class SyncAssembler(PadAssembler):
             node.settle()
 
     def sync(self, stamp: float, late: float = 0.0) -> TaxelFrames:
-        """End the period and begin the next one, because a SYNC was sent on the bus.
+        """End the period and begin the next one. Return the frames whose missing TPDOs can no longer arrive.
 
-        Parameters
-        ----------
-        stamp : float
-            Stamp of the SYNC [s].
-        late : float
-            Largest delay of the SYNC after its stamp [s].
-
-        Returns
-        -------
-        tuple of TaxelFrame
-            Frames whose missing TPDOs can no longer arrive.
+        The arguments are those of `FreeBus.sync`.
         """
         frames = self._end_sweep()
         self._sequence += 1
@@ -252,7 +235,7 @@ class SyncAssembler(PadAssembler):
             node.held[rank] = data
         else:
             sweep.tpdos[rank] = data
-        return frames if sweep.missing else frames + self._emit(sweep)
+        return frames if sweep.missing else frames + self._emit_sweep(sweep)
 
     def _feed_earlier(self, node: SweepSender, rank: int, data: bytes, stamp: float) -> TaxelFrames:
         """Process a TPDO that was on the bus before the last SYNC."""
@@ -317,9 +300,9 @@ class SyncAssembler(PadAssembler):
 
     def _close_before(self) -> TaxelFrames:
         before, self._before = self._before, None
-        return () if before is None else self._emit(before)
+        return () if before is None else self._emit_sweep(before)
 
-    def _emit(self, sweep: Sweep) -> TaxelFrames:
+    def _emit_sweep(self, sweep: Sweep) -> TaxelFrames:
         sweep.is_emitted = True
         payload = bytearray(MAX_PDO_BYTES * len(self._names))
         fresh = np.zeros(len(self._names), bool)
@@ -327,7 +310,7 @@ class SyncAssembler(PadAssembler):
             payload[MAX_PDO_BYTES * rank:MAX_PDO_BYTES * rank + len(data)] = data
         fresh[list(sweep.tpdos)] = True
         self._fresh += fresh
-        return self._give(sweep.stamp, sweep.sequence, payload, fresh)
+        return self._emit_or_withhold(sweep.stamp, sweep.sequence, payload, fresh)
 
     def _restart_nodes(self, behind: float = 0) -> None:
         for node in self._nodes.values():

@@ -128,33 +128,7 @@ class BusDevices:
         self._network().send_message(objects.NMT, bytes([command, node.node_id]))
 
     def configure(self, node: CanopenNode, boot_timeout: float, pause: bool) -> DeviceAsSet:
-        """Configure one device.
-
-        Parameters
-        ----------
-        node : CanopenNode
-            Node of the device.
-        boot_timeout : float
-            Time allowed for the first answer of the device [s].
-        pause : bool
-            True to set the device to PRE-OPERATIONAL first, so that the device sends no TPDOs while it is configured.
-
-        Returns
-        -------
-        DeviceAsSet
-            Settings of the device after the configuration.
-
-        Raises
-        ------
-        DeviceError
-            Raised if the device is absent, has another identity, or rejects a request.
-        TwoDevicesError
-            Raised if two devices answer with this node-ID.
-        BusError
-            Raised if the bus cannot be used.
-        InterruptedSetupError
-            Raised if ``interrupt`` was called during the configuration.
-        """
+        """Configure one device; see `SkinBus.configure_node`. Raises InterruptedSetupError after ``interrupt``."""
         interrupts = self._interrupts
         foreign_requests = self._monitor.foreign_requests[node.node_id]
         if pause:
@@ -195,25 +169,7 @@ class BusDevices:
             return read_errors(sdo)
 
     def auto_zero(self, pad: str) -> int:
-        """Tell all devices of a pad to zero themselves (CiA 404).
-
-        Parameters
-        ----------
-        pad : str
-            Name of the pad.
-
-        Returns
-        -------
-        int
-            Number of channels zeroed.
-
-        Raises
-        ------
-        DeviceError, BusError
-            Raised if no channel was zeroed.
-        HalfZeroedError
-            Raised if some channels were zeroed, or if a device did not answer.
-        """
+        """Tell all devices of a pad to zero themselves; see `FrameSource.auto_zero`."""
         zeroed = 0
         for node in self._nodes:
             if node.pad == pad:

@@ -10,14 +10,13 @@ import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
 
 import can
 from canopen import Network, ObjectDictionary
 
 from tactile_node.assembly.health import BusFault
+from tactile_node.bus.batch_reader import Batch, BatchReader
 from tactile_node.bus.own_sdo import OwnSdoClient
-from tactile_node.bus.socket_buffer import SocketBuffer
 from tactile_node.errors import BusError
 from tactile_node.logs.log_writer import CanLogWriter
 from tactile_node.threads import ReportedThread, call_guarded
@@ -33,24 +32,9 @@ STOP_TIMEOUT = 1.0  #: Time allowed for the reception thread to end [s].
 
 #: Shortest time between two reads on a busy bus [s]. The pause adds at most this time to the age of the taxels.
 READ_PAUSE = 0.5e-3
-#: Largest number of CAN frames in a batch. A socket buffer holds more frames than this.
-MOST_IN_BATCH = 256
 #: If at least this many frames arrive within 0.8 ms, the frames carry taxels and the bus counts as busy. An SDO
 #: dialogue is slower and is therefore not delayed.
 BUSY_FRAMES = 4
-
-
-class Batch(NamedTuple):
-    """Messages that were read together."""
-
-    messages: list[can.Message]  #: messages in the order of reception
-
-    #: Interval of the monotonic clock in which all messages arrived [s]; None if the stamp of each message gives its
-    #: time of arrival.
-    arrival: tuple[float, float] | None = None
-
-    #: number of CAN frames that the kernel has dropped before, between or directly after these messages
-    dropped: int = 0
 
 
 class BusNetwork(Network):
@@ -63,7 +47,7 @@ class BusNetwork(Network):
     Parameters
     ----------
     bus : can.BusABC
-        Open bus. If the bus has a method ``recv_all``, as `BulkSlcanBus` does, that method is used.
+        Open bus. If the bus has no method ``recv_all``, as `BulkSlcanBus` does, a `BatchReader` reads it.
     on_batch : callable
         Function that is called with each `Batch` that contains messages, on the reception thread.
     on_failure : callable
@@ -91,10 +75,8 @@ class BusNetwork(Network):
         self._record = record
         self._name = name or str(bus.channel_info)
         self._order = threading.Lock()  # the recording keeps the order in which threads pass frames to the bus
-        self._buffer = SocketBuffer(bus)
-        self._recv_all: Callable[[float], Batch] | None = getattr(bus, 'recv_all', None)
+        self._recv_all: Callable[[float], Batch] = getattr(bus, 'recv_all', None) or BatchReader(bus).recv_all
         self._recent: deque[float] = deque(maxlen=BUSY_FRAMES)  # times at which the last batches of messages were read
-        self._read_error: Exception | None = None  # exception to be raised after the messages received before it
         self._closing = threading.Event()
         self._reception = ReportedThread(self._receive, 'reception', on_death=self._reception_failed)
         self._reception.start()
@@ -177,7 +159,7 @@ class BusNetwork(Network):
     def _receive(self) -> None:
         while not self._closing.is_set():
             try:
-                batch = self._read()
+                batch = self._recv_all(RECEIVE_TIMEOUT)
                 if not batch.messages or self._closing.is_set():
                     continue
                 begun = time.monotonic()
@@ -192,23 +174,6 @@ class BusNetwork(Network):
     def _is_busy(self, messages: int, now: float) -> bool:
         self._recent.extend([now] * min(messages, BUSY_FRAMES))
         return len(self._recent) == BUSY_FRAMES and now - self._recent[0] < 0.8e-3
-
-    def _read(self) -> Batch:
-        if self._recv_all is not None:
-            return self._recv_all(RECEIVE_TIMEOUT)
-        error, self._read_error = self._read_error, None
-        if error is not None:
-            raise error
-        messages: list[can.Message] = []
-        message = self._open_bus.recv(RECEIVE_TIMEOUT)
-        while message is not None:
-            messages.append(message)
-            try:
-                message = self._open_bus.recv(0) if len(messages) < MOST_IN_BATCH else None
-            except Exception as error:  # the next read raises this exception, after these messages have been passed on
-                self._read_error = error
-                break
-        return Batch(messages, dropped=self._buffer.new_drops() if messages else 0)
 
     def _reception_failed(self, error: Exception) -> None:
         self._on_failure(BusFault.RECEPTION_FAILED, error)

@@ -57,14 +57,7 @@ def upload(sdo: SdoClient, domain: DomainLayout, by_block: bool) -> bytes:
 def check_domain(sdo: SdoClient, domain: DomainLayout, label: str) -> bool:
     """Read a DOMAIN once, to check its length and to find out which kind of upload the device supports.
 
-    Parameters
-    ----------
-    sdo : SdoClient
-        SDO client of the device.
-    domain : DomainLayout
-        Index, sub-index and length of the object.
-    label : str
-        Name of the node for messages.
+    The arguments ``sdo`` and ``domain`` are those of `upload`. The name of the node in messages is ``label``.
 
     Returns
     -------

@@ -14,7 +14,8 @@ from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
 from canopen.sdo.constants import REQUEST_UPLOAD
 
 from tactile_node.assembly.router import non_data_kind
-from tactile_node.bus.bus_network import Batch, BusNetwork
+from tactile_node.bus.batch_reader import Batch
+from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.open_bus import open_bus
 from tactile_node.cia301 import objects
 from tactile_node.cia301.heartbeat import nmt_state

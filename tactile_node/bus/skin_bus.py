@@ -22,7 +22,7 @@ from tactile_node.bus.device_setup import DeviceAsSet
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.load import refuse_full_bus
 from tactile_node.bus.open_bus import check_bit_rate, open_bus
-from tactile_node.bus.pacer import Pacer
+from tactile_node.bus.sync_producer import SyncProducer
 from tactile_node.bus.traffic import Traffic
 from tactile_node.bus.usb_port import UsbPort
 from tactile_node.chain import Chain
@@ -86,13 +86,13 @@ class SkinBus:
                               one_clock=_is_one_clock(settings),
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
         self.traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
-                               queue_limit=settings.queue_limit, sync_period=settings.sync_period,
+                               queue_limit=settings.queue_limit,
                                is_host_stamped=settings.interface in (*STAMPED_ON_ARRIVAL, 'slcan'), chain=chain)
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
-        self._sync = Pacer(settings.sync_period, self._send_sync, 'sync',
-                           lambda error: self._fail(BusFault.INTERNAL_ERROR, error))
+        self.sync = SyncProducer(settings.sync_period, self._pads[0].layout.sync_cob_id, self._opened, self.traffic,
+                                 self._router, self._fail)
         self._is_running = False
         #: reason why the bus has stopped working, or None; only close() and open() recover the bus
         self.failure: Failure | None = None
@@ -147,7 +147,7 @@ class SkinBus:
         boot_timeout : float
             Time allowed for the first answer of the device [s].
         pause : bool
-            True to set the device to PRE-OPERATIONAL first; False to configure the device while it sends.
+            True to set the device to PRE-OPERATIONAL first, so that the device sends no TPDOs while it is configured.
 
         Returns
         -------
@@ -157,7 +157,7 @@ class SkinBus:
         Raises
         ------
         DeviceError
-            Raised if the device is absent or rejects the configuration.
+            Raised if the device is absent, has another identity, or rejects the configuration.
         TwoDevicesError
             Raised if two devices answer with this node-ID.
         BusError
@@ -187,6 +187,7 @@ class SkinBus:
         if self._is_running:
             return
         self.traffic.restart()
+        self.sync.pause.restart()
         begun = time.monotonic()
         self._is_running = True  # from here on, stop() has something to undo
         present = [node for node in self._nodes if node.node_id not in without]
@@ -235,7 +236,7 @@ class SkinBus:
         if self._network is None or not self._is_running:
             return
         self._is_running = False
-        self._sync.stop()
+        self.sync.stop()
         for poll in self._polls.values():
             poll.stop()
         self.traffic.chain.post(self._router.pause)
@@ -267,10 +268,10 @@ class SkinBus:
     def facts(self) -> BusFacts:
         """Return the counts since construction. The state of the bus and its nodes is known to the `Supervisor`."""
         counted, traffic = self._router.facts(), self.traffic
-        can_frames = Counter(counted.can_frames) + Counter(traffic.no_data_frames)
+        can_frames = Counter(counted.can_frames) + Counter(traffic.lost_others)
         return replace(
             counted, can_frames=dict(can_frames), error_frames=can_frames['error'], queue_overruns=traffic.overruns,
-            sync_overruns=self._sync.overruns, sync_pauses=traffic.pause.count,
+            sync_overruns=self.sync.overruns, sync_pauses=self.sync.pause.count,
             poll_overruns=sum(poll.overruns for poll in self._polls.values()),
             unrecorded_can_frames=0 if self._record is None else self._record.unwritten,
             clock_jumps=traffic.clock.jumps, stamps_ahead=traffic.clock.ahead)
@@ -296,7 +297,7 @@ class SkinBus:
 
     def _start_pacers(self) -> None:
         if self._settings.produce_sync and any(pad.layout.needs_sync for pad in self._pads):
-            self._sync.start()
+            self.sync.start()
         for poll in self._polls.values():
             poll.start()
 
@@ -304,12 +305,6 @@ class SkinBus:
         return DomainPolling(
             domain, node.label, self._settings.sync_period,
             open_sdo=lambda: self.devices.sdo_client(node), on_failure=self._fail)
-
-    def _send_sync(self) -> None:
-        try:
-            self.traffic.send_sync(self._opened(), self._pads[0].layout.sync_cob_id)
-        except BusError as error:
-            self._fail(BusFault.SENDING_FAILED, error)
 
     def _fail(self, fault: BusFault, error: Exception) -> None:
         if self.failure is None:

@@ -17,7 +17,7 @@ from can.interfaces.slcan import slcanBus
 from can.util import CAN_FD_DLC
 from serial import SerialException
 
-from tactile_node.bus.bus_network import Batch
+from tactile_node.bus.batch_reader import Batch
 
 #: End of a line. Other line endings are replaced by END: BELL follows a refused command, and some firmware writes CR
 #: LF.

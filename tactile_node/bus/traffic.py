@@ -1,30 +1,21 @@
-"""Stamp and count the CAN frames of one bus, and post them to the chain, which assembles them."""
+"""Stamp the CAN frames of one bus, and post them to the chain, which assembles them."""
 
-import logging
 import time
 from collections import Counter
 from collections.abc import Collection
 from math import inf
-from queue import Empty, SimpleQueue
 
 import can
 
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router, non_data_kind
-from tactile_node.assembly.sync_assembler import MOST_LATE
+from tactile_node.bus.batch_reader import Batch
 from tactile_node.bus.bus_monitor import BusMonitor
-from tactile_node.bus.bus_network import Batch, BusNetwork, OnFailure
+from tactile_node.bus.bus_network import OnFailure
 from tactile_node.bus.stamp_clock import StampClock
-from tactile_node.bus.sync_pause import SyncPause
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
-
-logger = logging.getLogger(__name__)
-
-# Placeholder COB-IDs in the queue for messages that only occupy the bus.
-OTHER_FRAME = -1  #: for a remote frame, a CAN FD frame, or a frame with a 29-bit identifier
-ERROR_FRAME = -2  #: for an error frame
 
 
 class Traffic:
@@ -44,14 +35,12 @@ class Traffic:
         Largest number of CAN frames that may wait for the chain.
     is_host_stamped : bool
         True if messages carry stamps from the wall clock of this host; see `StampClock`.
-    sync_period : float
-        Time between two SYNCs [s].
     chain : Chain or None
         Running chain of the process, or None to start a separate chain, which runs from ``begin`` to ``end``.
     """
 
     def __init__(self, router: Router, monitor: BusMonitor, on_failure: OnFailure, *, polled: Collection[int],
-                 queue_limit: int, is_host_stamped: bool, sync_period: float, chain: Chain | None = None):
+                 queue_limit: int, is_host_stamped: bool, chain: Chain | None = None):
         self._router = router
         self._monitor = monitor
         self._on_failure = on_failure
@@ -61,16 +50,12 @@ class Traffic:
         self.chain = chain or Chain('assembler')
         self._owns_chain = chain is None
         self.clock = StampClock(is_host_stamped)
-        self._jumps_reported = 0
-        self.no_data_frames: Counter[str] = Counter()  #: received messages that are not data frames, by kind
         self._posted = 0  # CAN frames posted to the chain
         self._fed = 0  # CAN frames that the chain has fed to the router
 
-        #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped.
-        #: no_data_frames counts the other messages of the batches for which the queue was full.
+        #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped
         self.overruns = 0
-        self.syncs_sent = 0
-        self.pause = SyncPause(sync_period)
+        self.lost_others: Counter[str] = Counter()  #: other messages lost because the queue was full, by kind
         self._last_arrival = -inf  # stamp before which all messages so far had arrived
         self._is_gap = True  # True if messages before the next batch may be missing
         self._read_at = 0.0  # time at which the last batch was read, on the steady clock
@@ -92,34 +77,28 @@ class Traffic:
     def restart(self) -> None:
         """Start the sequence numbers at 0, and let the stamps follow the wall clock."""
         self.clock.restart()
-        self.pause.restart()
         self.chain.post(self._router.restart)
 
     def received(self, batch: Batch) -> None:
-        """Count, stamp and post a batch.
+        """Show a batch to the monitor, stamp its messages and post them to the chain.
 
         The reception thread calls ``received``, so the method must return quickly.
         """
         is_gap = self._is_gap or batch.dropped > 0
         self._is_gap = True  # there is a gap, unless this batch gets into the queue
         self.overruns += batch.dropped
-        can_frames = []
+        stamped = []
         for message in batch.messages:
-            kind = non_data_kind(message)
-            if kind is None:
-                can_id, data = message.arbitration_id, bytes(message.data)
-                self._monitor.feed(can_id, data)
-                can_frames.append((can_id, data, self.clock.of(message.timestamp)))
-            else:
-                self._count_other(kind, message)
-                can_frames.append((ERROR_FRAME, b'', inf) if message.is_error_frame
-                                  else (OTHER_FRAME, b'', self.clock.of(message.timestamp)))
-        if self._posted - self._fed + len(can_frames) <= self._queue_limit:
-            self._posted += len(can_frames)
-            self.chain.post(self._feed, can_frames, self._arrival(batch), self._most_free(batch, is_gap))
+            self._observe(message)
+            stamped.append((message, inf if message.is_error_frame else self.clock.of(message.timestamp)))
+        if self._posted - self._fed + len(stamped) <= self._queue_limit:
+            self._posted += len(stamped)
+            self.chain.post(self._feed, stamped, self._arrival(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
-            self.overruns += sum(can_id >= 0 for can_id, _, _ in can_frames)
+            kinds = [non_data_kind(message) for message in batch.messages]
+            self.overruns += kinds.count(None)
+            self.lost_others.update(kind for kind in kinds if kind is not None)
 
     def _arrival(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
@@ -141,29 +120,26 @@ class Traffic:
         before, self._read_at = self._read_at, read
         return 0.0 if is_gap else max(0.0, after - before)
 
-    def _feed(self, can_frames: list[tuple[int, bytes, float]], arrival: tuple[float, float] | None,
+    def _feed(self, stamped: list[tuple[can.Message, float]], arrival: tuple[float, float] | None,
               most_free: float) -> None:
-        """Feed a batch to the router, on the chain thread.
+        """Feed the messages of a batch with their stamps to the router, on the chain thread.
 
         If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
         """
-        self._fed += len(can_frames)
-        for can_id, data, stamp in can_frames:
-            if can_id == ERROR_FRAME:
-                self._router.free_bus.saw_error()
-                continue
+        self._fed += len(stamped)
+        for message, stamp in stamped:
             after, until = arrival or (stamp, stamp)
-            not_free = max(0.0, after - self._last_arrival - most_free)
-            self._router.free_bus.was_unobserved(after, not_free)
-            self._last_arrival = until
-            if can_id == OTHER_FRAME:
-                self._router.free_bus.saw_frame(stamp)
-            else:
-                self._router.feed(can_id, data, stamp, after)
+            if not message.is_error_frame:
+                not_free = max(0.0, after - self._last_arrival - most_free)
+                self._router.free_bus.was_unobserved(after, not_free)
+                self._last_arrival = until
+            self._router.feed_message(message, stamp, after)
 
-    def _count_other(self, kind: str, message: can.Message) -> None:
-        self.no_data_frames[kind] += 1
-        if not message.is_error_frame:
+    def _observe(self, message: can.Message) -> None:
+        """Feed a message to the monitor, and report bus-off."""
+        if non_data_kind(message) is None:
+            self._monitor.feed(message.arbitration_id, bytes(message.data))
+        elif not message.is_error_frame:
             self._monitor.feed_other(message)
         elif self._monitor.feed_error(message):
             self._on_failure(BusFault.BUS_OFF, BusError(
@@ -175,59 +151,3 @@ class Traffic:
         self._monitor.feed_own(len(data))
         if can_id - SDO_REQUEST in self._polled:
             self.chain.post(self._router.feed, can_id, bytes(data), self.clock.now())
-
-    def send_sync(self, network: BusNetwork, can_id: int) -> None:
-        """Send a SYNC, unless the driver must skip it so that the bus becomes free (`SyncPause`).
-
-        The SYNC is posted to the chain before it is sent on the bus, so no TPDO can overtake it. The chain
-        receives the start and the end of the write, because the SYNC was on the bus at some time in between.
-
-        Parameters
-        ----------
-        network : BusNetwork
-            Network that sends the SYNC.
-        can_id : int
-            COB-ID of SYNC.
-
-        Raises
-        ------
-        BusError
-            Raised if the SYNC cannot be sent.
-        """
-        if self.pause.is_due(self._router.is_in_doubt):
-            return
-        written: SimpleQueue[float] = SimpleQueue()
-
-        def announce() -> float:
-            stamp = self.clock.now()
-            self.chain.post(self._begin_period, stamp, written)
-            return stamp - self.clock.ahead
-        self.syncs_sent += 1
-        try:
-            network.send_message(can_id, b'', announce=announce)
-        finally:
-            written.put(self.clock.now())
-        if self.clock.jumps != self._jumps_reported:
-            self._report_jump()
-
-    def _begin_period(self, stamp: float, written: SimpleQueue[float]) -> None:
-        """Begin a period, on the chain thread.
-
-        The thread first waits until the SYNC has been written, because answers must not be used before the delay of the
-        SYNC is known. The answers to a SYNC that takes longer than MOST_LATE are not used, so the thread waits no
-        longer.
-        """
-        try:
-            late = written.get(timeout=MOST_LATE) - stamp
-        except Empty:
-            late = inf
-        self._router.sync(stamp, late)
-
-    def _report_jump(self) -> None:
-        self._jumps_reported = self.clock.jumps
-        ahead = self.clock.ahead
-        if ahead:
-            logger.error('The wall clock was set. Stamps never go back, so they continue %.3f s ahead of the wall '
-                         'clock. To use the new time, deactivate and activate the driver.', ahead)
-        else:
-            logger.error('The wall clock was set, and the stamps follow it.')

@@ -21,7 +21,8 @@ from tactile_node.logs.replay_times import TimeWindow
 from tactile_node.shape.recognition import LEARNED
 
 if TYPE_CHECKING:
-    from tactile_node.bus.bus_network import Batch, BusNetwork
+    from tactile_node.bus.batch_reader import Batch
+    from tactile_node.bus.bus_network import BusNetwork
     from tactile_node.shape.methods import VisibilityGuard
     from tactile_node.skin.pads import LivePad, PadSettings
 

@@ -5,23 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.conditioning.gain import ResponseCurve
-from tactile_node.conditioning.tare import TaredPad, ZeroState
+from tactile_node.conditioning.tared_pad import TaredPad, ZeroState
 from tactile_node.conditioning.taxel_faults import FaultDetector, FaultyTaxels, TaxelFault
 from tactile_node.errors import HalfZeroedError
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
-
-MOST_NAMED = 20  #: Largest number of taxels of each kind that the text lists.
-
-
-def faults_text(faults: FaultyTaxels) -> str:
-    """Return the faulty taxels by kind, such as 'dead: (3, 4), (5, 0); stuck: (1, 2)'.
-
-    The text names at most MOST_NAMED taxels of each kind.
-    """
-    found = {kind: faults.places(kind) for kind in TaxelFault if kind}
-    return '; '.join(f'{kind.name.lower()}: {", ".join(map(str, places[:MOST_NAMED]))}'
-                     + (f' and {len(places) - MOST_NAMED} more' if len(places) > MOST_NAMED else '')
-                     for kind, places in found.items() if places)
 
 
 class PadCondition(NamedTuple):

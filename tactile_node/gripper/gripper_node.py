@@ -29,12 +29,12 @@ from tactile_node.gripper.rules.closing import NO_TOUCH, Outcome
 from tactile_node.gripper.rules.control import Ending, TouchControl, Wish
 from tactile_node.nodes.grasp_requests import allow_feedback
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.nodes.message_guard import publisher_names
 from tactile_node.nodes.node_health import MessageHealth, publish_status
 from tactile_node.nodes.run import run_node
 from tactile_node.ros.grasp_checks import check_grasp, check_grasp_sides
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.rosout_handler import of_node
 from tactile_skin.action import PutDown
 from tactile_skin.msg import Grasp, GraspSides, GripperOutcome

@@ -15,8 +15,8 @@ from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.gripper.messages import held_reading
 from tactile_node.gripper.rules.control import TouchControl
 from tactile_node.gripper.rules.put_down import LONGEST_TIMEOUT, NOTHING_READ, PutDown, PutDownOutcome, Sign
-from tactile_node.ros.grasp_messages import timeout_of
 from tactile_node.ros.message_age import InputAge
+from tactile_node.ros.requirement_messages import timeout_of
 from tactile_node.ros.rosout_handler import of_node
 from tactile_skin import action
 from tactile_skin.msg import GraspSides

@@ -25,10 +25,10 @@ from tactile_node.gripper.locked_action_client import LockedActionClient
 from tactile_node.gripper.messages import PARALLEL, GoalValues, gripper_interface
 from tactile_node.node_graph import NODE_NAMES, Role
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
-from tactile_node.nodes.message_guard import publisher_names
 from tactile_node.ros.contact_messages import pad_frame_of, taxel_values
 from tactile_node.ros.message_age import MeasurementTime
 from tactile_node.ros.message_checks import check_taxel_array
+from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.time_messages import seconds
 from tactile_node.taxel_frame import TaxelFrame

@@ -1,15 +1,12 @@
 """The classifier node recognises the shape of each contact, fuses the shape over time, and fits pose and size."""
 
 import sys
-import time
 from typing import Any
 
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from tactile_node.chain import Step
-from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.node_health import MessageHealth
+from tactile_node.node_graph import Role
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.stage import StageInput, StageOutput, Stages
@@ -17,7 +14,7 @@ from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.view_topics import ShapeView
 from tactile_node.pose.pipeline import DEFAULT_FUSION, ContactPipeline, StreamedContact
 from tactile_node.ros.contact_messages import PadContact, pad_contact_of
-from tactile_node.ros.message_age import age_message
+from tactile_node.ros.message_age import age_since
 from tactile_node.ros.message_checks import check_contact
 from tactile_node.ros.motion_messages import event_message
 from tactile_node.ros.parameters import declare, read
@@ -38,21 +35,11 @@ class ClassifierNode(StageNode):
     largest contacts of a pad. With the parameter `lossless`, the node processes every contact, and publishes `shapes`
     even without a subscriber, because late subscribers also receive the messages.
 
-    Parameters
-    ----------
-    stages : Stages or None
-        Stages of this process, or None if the node runs alone in its process.
-    **options
-        Keyword arguments for rclpy's ``Node``.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if a parameter is invalid.
+    The arguments are those of `StageNode`. The constructor raises ConfigurationError if a parameter is invalid.
     """
 
     def __init__(self, stages: Stages | None = None, **options: Any):
-        super().__init__(NODE_NAMES[Role.CLASSIFIER], stages, **options)
+        super().__init__(Role.CLASSIFIER, stages, **options)
         declare(self, ClassifierSettings)
         self._settings = read(self, ClassifierSettings)
         self._pipeline = ContactPipeline(
@@ -68,8 +55,7 @@ class ClassifierNode(StageNode):
         self._view = ShapeView(self, self._settings.queue_depth, self._settings.full_scale)
         self._contacts = StageInput(self, Contact, 'contact', self.accept, self._settings, check=check_contact,
                                     parse=pad_contact_of, stages=self._stages, step=Step.RECOGNISE)
-        self._ends = self._contacts, self._shapes
-        MessageHealth(self, [self._contacts], self._settings)
+        self.begin_stage(self._settings, [self._contacts], self._shapes)
 
     def accept(self, contact: PadContact, acquired: float) -> None:
         """Recognise the shape of ``contact`` and publish the result."""
@@ -80,32 +66,27 @@ class ClassifierNode(StageNode):
         if shape.message.fit_valid:
             self._poses.publish(lambda: pose_message(shape.message))
         for event in result.motion.events:
-            self._events.publish(event_message(event, contact.header, contact.sequence, _age(acquired)))
+            self._events.publish(event_message(event, contact.header, contact.sequence, age_since(acquired)))
         self.recognised += 1
         if self._view.is_wanted or self._all_shapes.is_wanted:
-            self._contacts.postpone(lambda: self._publish_more(contact, result, shape, acquired), acquired)
+            self._contacts.postpone(Step.SHOW, acquired, self._publish_more, contact, result, shape, acquired)
 
     def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, acquired: float) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
-        self._all_shapes.publish(lambda: self._all_shapes_of(contact, result, acquired))
+        self._all_shapes.publish(self._all_shapes_of, contact, result, acquired)
         self._view.publish(contact, shape.message)
 
     def _all_shapes_of(self, contact: PadContact, largest: StreamedContact, acquired: float) -> ContactShapes:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)
         shapes = [self._shape(contact, each, acquired).complete_message for each in results]
         together = shapes_message(contact, largest.contact.contacts, shapes)
-        together.age = _age(acquired)
+        together.age = age_since(acquired)
         return together
 
     def _shape(self, contact: PadContact, result: StreamedContact, acquired: float) -> PadShape:
         shape = pad_shape(contact.frame, result, self._settings.method, self._settings.solid_height)
-        shape.message.age = _age(acquired)
+        shape.message.age = age_since(acquired)
         return shape
-
-
-def _age(acquired: float) -> Duration:
-    """Return the current age of a result whose taxels were acquired at ``acquired`` on the steady clock [s]."""
-    return age_message(time.monotonic() - acquired)
 
 
 def main() -> int:

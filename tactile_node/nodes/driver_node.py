@@ -20,7 +20,7 @@ from tactile_node.assembly.fault_text import failure_of
 from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.conditioning.tare import tare_limit
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
-from tactile_node.node_graph import NODE_NAMES, Role
+from tactile_node.node_graph import Role
 from tactile_node.nodes.driver_services import TareService, Zeroing, serve_faults
 from tactile_node.nodes.driver_source import check_heartbeat, driver_pads, make_source, pad_frames
 from tactile_node.nodes.lifecycle_steps import LifecycleSteps, reject_invalid_transitions
@@ -54,18 +54,13 @@ RETRY_PERIOD = 0.5  #: Time between two attempts to configure while the driver w
 class DriverNode(StageNode, LifecycleNode):
     """Publishes `<pad>/taxels` for each pad while active, and /diagnostics and `~/status` in every lifecycle state.
 
-    Parameters
-    ----------
-    stages : Stages or None
-        Stages of this process, or None if the node runs alone in its process.
-    **options
-        Keyword arguments for rclpy's ``LifecycleNode``.
+    The arguments are those of `StageNode`.
     """
 
     _is_made = False  # True once the constructor has finished
 
     def __init__(self, stages: Stages | None = None, **options: Any):
-        super().__init__(NODE_NAMES[Role.DRIVER], stages, **options)
+        super().__init__(Role.DRIVER, stages, **options)
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
         follow_changes(self, DriverSettings, self._check, self._apply)

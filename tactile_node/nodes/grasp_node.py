@@ -10,12 +10,10 @@ from typing import Any
 
 from tactile_node.chain import Step
 from tactile_node.grasp.gripper import Gripper, PadPose
-from tactile_node.grasp.opening import Opening
 from tactile_node.grasp.steadiness import SteadinessSettings
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
-from tactile_node.node_graph import NODE_NAMES, Role
+from tactile_node.node_graph import Role
 from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
-from tactile_node.nodes.node_health import MessageHealth
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_transforms import publish_pad_frames
@@ -46,19 +44,8 @@ class GraspNode(StageNode):
     look current. A client uses the action `~/wait_for_grasp` or the service `~/check_grasp` to find out whether the
     grasp meets its requirement.
 
-    Parameters
-    ----------
-    stages : Stages or None
-        Stages of this process, or None if the node runs alone in its process.
-    steady : callable
-        Steady clock for ages and timeouts [s].
-    **options
-        Keyword arguments for rclpy's ``Node``.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if a parameter is invalid.
+    The arguments are those of `StageNode`, and ``steady``, the steady clock for ages and timeouts [s]. The constructor
+    raises ConfigurationError if a parameter is invalid.
     """
 
     def __init__(self, stages: Stages | None = None, *, steady: Callable[[], float] = time.monotonic,
@@ -72,7 +59,7 @@ class GraspNode(StageNode):
         self._acquired = dict.fromkeys(SIDES, -math.inf)  # when the latest taxels of each side were acquired [s]
         self._received = -math.inf  # time when the latest shape was received [s]
         self._requests: GraspRequests | None = None
-        super().__init__(NODE_NAMES[Role.GRASP], stages, **options)
+        super().__init__(Role.GRASP, stages, **options)
         declare(self, GraspNodeSettings)
         self._settings = settings = read(self, GraspNodeSettings)
         self._gripper = gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
@@ -95,8 +82,7 @@ class GraspNode(StageNode):
             side: StageInput(self, ContactShape, f'{pad}/shape', partial(self.accept, side), settings,
                              check=check_contact_shape, parse=PadShape, stages=self._stages, steady=steady)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
-        self._ends = tuple(self._shapes.values())
-        MessageHealth(self, tuple(self._shapes.values()), settings)
+        self.begin_stage(settings, tuple(self._shapes.values()))
         self.tick(SILENCE_PERIOD, self._look_for_silence)
 
     def accept(self, side: str, shape: PadShape, acquired: float) -> None:
@@ -126,7 +112,7 @@ class GraspNode(StageNode):
         if self._settings.lossless or acquired == -math.inf:
             self._publish_update()
         else:
-            self._shapes[side].postpone(self._publish_update, acquired, Step.COMBINE)
+            self._shapes[side].postpone(Step.COMBINE, acquired, self._publish_update)
 
     def _publish_update(self) -> None:
         """Publish the grasp unless it has been published since the latest shape."""
@@ -159,12 +145,10 @@ class GraspNode(StageNode):
 
     def _publish_at(self, now: float) -> None:
         """Compute the grasp at the time ``now`` [s] from the shapes received so far, and publish it."""
-        opening = self._opening.current()
         with self._lock:
-            state = self._tracker.state(now, opening.gap)
-            self._grasps.publish(lambda: self._message(state, opening, self._sides))
-            self._grasp_sides.publish(lambda: sides_message(
-                state, [self._latest[side].complete_message for side in SIDES], self._settings.frame, self._ages()))
+            grasp = self._grasp_at(now)
+            self._grasps.publish(grasp.message)
+            self._grasp_sides.publish(self._sides_message, grasp.state)
             self._is_published = True
             if self._requests is not None:
                 self._requests.wake()
@@ -175,20 +159,20 @@ class GraspNode(StageNode):
         The stamps stand still after a lossless replay has ended. All shapes therefore count as too old once no shape
         has arrived for max_age.
         """
-        opening = self._opening.current()
         with self._lock:
-            steady = self._steady()
-            has_ended = self._settings.lossless and steady - self._received > self._settings.max_age
-            state, sides = self._tracker.state(math.inf if has_ended else self._now(), opening.gap), self._sides
-            return CurrentGrasp(state, sides, lambda: self._message(state, opening, sides))
+            has_ended = self._settings.lossless and self._steady() - self._received > self._settings.max_age
+            return self._grasp_at(math.inf if has_ended else self._now())
 
-    @property
-    def _sides(self) -> list[ContactShape]:
-        """Latest shapes of the left and the right pad."""
-        return [self._latest[side].message for side in SIDES]
+    def _grasp_at(self, now: float) -> CurrentGrasp:
+        opening = self._opening.current()
+        state = self._tracker.state(now, opening.gap)
+        sides = [self._latest[side].message for side in SIDES]
+        return CurrentGrasp(state, sides, partial(grasp_message, state, sides, opening, self._settings.frame,
+                                                  self._ages(), self._gripper))
 
-    def _message(self, state: GraspState, opening: Opening, sides: list[ContactShape]) -> Grasp:
-        return grasp_message(state, sides, opening, self._settings.frame, self._ages(), self._gripper)
+    def _sides_message(self, state: GraspState) -> GraspSides:
+        sides = [self._latest[side].complete_message for side in SIDES]
+        return sides_message(state, sides, self._settings.frame, self._ages())
 
     def _ages(self) -> list[float]:
         """Return the age of each side's latest shape [s], or inf if the side has none."""

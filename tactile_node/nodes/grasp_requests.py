@@ -14,9 +14,9 @@ from tactile_node.code_names import name_of
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
 from tactile_node.grasp.requirement import NO_SHAPES, Missing, Requirement, SideShape, missing
 from tactile_node.grasp.tracker import GraspState
-from tactile_node.nodes.message_guard import publisher_names
-from tactile_node.ros.grasp_messages import requirement_of, state_message, timeout_of
 from tactile_node.ros.message_health import several_text
+from tactile_node.ros.publishers import publisher_names
+from tactile_node.ros.requirement_messages import requirement_of, state_message, timeout_of
 from tactile_skin.action import WaitForGrasp
 from tactile_skin.msg import ContactShape, Grasp
 from tactile_skin.srv import CheckGrasp

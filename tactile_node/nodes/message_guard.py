@@ -13,6 +13,7 @@ from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import MessageCounts, StreamHealth
+from tactile_node.ros.publishers import publisher_names, publishers_of_other_type
 from tactile_node.ros.rosout_handler import of_node
 from tactile_node.ros.source_guard import SourceGuard, StampGuard
 from tactile_node.ros.time_messages import seconds
@@ -141,28 +142,28 @@ class MessageGuard(Generic[Message]):
                 return True
             self._drop(reason)
         except Exception as error:
-            self.failed(error)
+            self._count_failure(error)
         return False
 
-    def process(self, usable: Sequence[Any], call: Callable[[Any], None]) -> None:
-        """Call ``call`` with the last usable message, and count the earlier ones as overtaken."""
+    def process(self, usable: Sequence[Any], call: Callable[..., object], *args: object) -> None:
+        """Call ``call`` with the last usable message and ``args``, and count the earlier messages as overtaken."""
         if not usable:
             return
         self._overtaken += len(usable) - 1
         self.left_out = len(usable) - 1 + sum(map(_left_out_before, usable))
-        if self.attempt(lambda: call(usable[-1])):
+        if self.attempt(call, usable[-1], *args):
             self._processed += 1
 
-    def attempt(self, call: Callable[[], object]) -> bool:
+    def attempt(self, call: Callable[..., object], *args: object) -> bool:
         """Call a function. If the function raises an exception, count PROCESSING_FAILED and return False."""
         try:
-            call()
+            call(*args)
         except Exception as error:
-            self.failed(error)
+            self._count_failure(error)
             return False
         return True
 
-    def failed(self, error: Exception) -> None:
+    def _count_failure(self, error: Exception) -> None:
         """Log an exception of a processing function, and count it, because it must not end the calling thread."""
         if not self._node.context.ok():  # the process is ending, and can no longer publish anything
             raise error
@@ -224,42 +225,3 @@ def _left_out_before(message: object) -> int:
     Returns 0 for a message type without this number.
     """
     return int(getattr(message, 'left_out', 0))
-
-
-def publisher_names(node: Node, topic: str) -> list[str]:
-    """Return the sorted full names of the nodes that ``node`` sees publishing ``topic``, one entry per publisher."""
-    return sorted(map(_full_name, node.get_publishers_info_by_topic(topic)))
-
-
-def publishers_of_other_type(node: Node, topic: str) -> tuple[str, ...]:
-    """Return the full names of the nodes that publish ``topic`` with a different version of the message type.
-
-    The middleware matches a publisher and a subscription only by the name of the message type. If the fields differ,
-    the subscriber decodes wrong values. The function therefore compares the hashes of the type descriptions (REP 2011).
-
-    Parameters
-    ----------
-    node : Node
-        Node that subscribes to the topic.
-    topic : str
-        Full name of the topic.
-
-    Returns
-    -------
-    tuple of str
-        Sorted full names. Publishers whose type hash is not known are omitted.
-    """
-    own = [info.topic_type_hash for info in node.get_subscriptions_info_by_topic(topic)
-           if _full_name(info) == node.get_fully_qualified_name()]
-    return tuple(sorted({_full_name(info) for info in node.get_publishers_info_by_topic(topic)
-                         if own and _is_known(info) and info.topic_type_hash != own[0]}))
-
-
-# The type of `info` is rclpy's TopicEndpointInfo, which Lyrical keeps in a different module than Jazzy and Kilted.
-def _full_name(info: Any) -> str:
-    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-
-
-def _is_known(info: Any) -> bool:
-    """Return True if the publisher sends the hash of its message type, which older ROS 2 releases do not."""
-    return any(info.topic_type_hash.value)

@@ -42,10 +42,10 @@ class OnDemandPublisher(Generic[Message]):
         """True if a message that is published now can reach a subscriber."""
         return self._is_lossless or self._publisher.get_subscription_count() > 0
 
-    def publish(self, make: Callable[[], Message]) -> None:
-        """Publish the message that ``make`` returns. If the message is not wanted, ``make`` is not called."""
+    def publish(self, make: Callable[..., Message], *args: object) -> None:
+        """Publish the message that ``make(*args)`` returns. If the message is not wanted, ``make`` is not called."""
         if self.is_wanted:
-            self._publisher.publish(make())
+            self._publisher.publish(make(*args))
 
     def destroy(self) -> None:
         """End the publisher."""

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from rclpy.node import Node
 
 from tactile_node.conditioning.conditioned_pad import ConditionedPad, PadCondition
-from tactile_node.nodes.message_guard import publisher_names
 from tactile_node.nodes.stage import StageOutput, Stages
 from tactile_node.pose.pipeline import Taxels
 from tactile_node.pose.profiles import Layer
 from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
+from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame

@@ -82,23 +82,8 @@ class PadTransforms:
 def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource) -> None:
     """Start `PadTransforms` if the parameter publish_pad_frames is true.
 
-    If tf2_msgs is not installed, the node logs a warning instead.
-
-    Parameters
-    ----------
-    node : Node
-        Node that publishes.
-    settings : GraspNodeSettings
-        Settings of the node.
-    gripper : Gripper
-        Poses of the pads.
-    source : OpeningSource
-        Source of the opening.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if the parameters do not allow the frames to be published.
+    The arguments are those of `PadTransforms`. If tf2_msgs is not installed, the node logs a warning instead. If the
+    parameters do not allow the frames to be published, the function raises ConfigurationError.
     """
     if not settings.publish_pad_frames:
         return

@@ -2,7 +2,6 @@
 
 import logging
 import sys
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,8 +10,7 @@ from tactile_node.contact.press import PressThresholds
 from tactile_node.contact.unit_scale import UnitScale
 from tactile_node.errors import ConfigurationError
 from tactile_node.helmholtz.features import Group, compute_features
-from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.node_health import MessageHealth
+from tactile_node.node_graph import Role
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.stage import StageInput, StageOutput, Stages
@@ -20,7 +18,7 @@ from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.view_topics import TaxelViews
 from tactile_node.pose.pipeline import ContactPipeline
 from tactile_node.ros.contact_messages import PadContact, PadFrame, contact_message, features_message, pad_frame_of
-from tactile_node.ros.message_age import age_message
+from tactile_node.ros.message_age import age_since
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.parameters import declare, follow_changes, read
 from tactile_node.ros.rosout_handler import of_node
@@ -37,21 +35,11 @@ class ProcessorNode(StageNode):
     With the parameter `lossless`, the processor always publishes both topics, because late subscribers also receive the
     messages. Images and wrenches for viewers are published only while these topics have subscribers.
 
-    Parameters
-    ----------
-    stages : Stages or None
-        Stages of this process, or None if the node runs alone in its process.
-    **options
-        Keyword arguments for rclpy's ``Node``.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if a parameter is invalid.
+    The arguments are those of `StageNode`. The constructor raises ConfigurationError if a parameter is invalid.
     """
 
     def __init__(self, stages: Stages | None = None, **options: Any):
-        super().__init__(NODE_NAMES[Role.PROCESSOR], stages, **options)
+        super().__init__(Role.PROCESSOR, stages, **options)
         declare(self, ProcessorSettings)
         self._settings = settings = read(self, ProcessorSettings)
         self._groups = feature_groups(settings.features)
@@ -64,8 +52,7 @@ class ProcessorNode(StageNode):
                                   parse=pad_frame_of, stages=self._stages,
                                   step=Step.FIND, most_waiting=settings.most_waiting)
         self._taxels.sends_on = self._contacts.topic  # read by `Stages.is_complete`, for a lossless replay
-        self._ends = self._taxels, self._contacts
-        MessageHealth(self, [self._taxels], self._settings)
+        self.begin_stage(settings, [self._taxels], self._contacts)
         follow_changes(self, ProcessorSettings, check, lambda changed: self._stages.chain.post(self._apply, changed))
 
     def _apply(self, settings: ProcessorSettings) -> None:
@@ -87,16 +74,16 @@ class ProcessorNode(StageNode):
         contact = PadContact.of(frame, found, self._taxels.left_out)
         self._contacts.send(contact, acquired)
         if self._views.is_wanted or self._features.is_wanted:
-            self._taxels.postpone(lambda: self._publish_more(contact, acquired), acquired)
+            self._taxels.postpone(Step.SHOW, acquired, self._publish_more, contact, acquired)
 
     def _publish_more(self, contact: PadContact, acquired: float) -> None:
         """Publish features, images and wrenches, which no other stage waits for."""
-        self._features.publish(lambda: self._features_of(contact, acquired))
+        self._features.publish(self._features_of, contact, acquired)
         self._views.publish(contact)
 
     def _features_of(self, contact: PadContact, acquired: float) -> ContactFeatures:
         features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
-        features.age = age_message(time.monotonic() - acquired)
+        features.age = age_since(acquired)
         return features
 
 

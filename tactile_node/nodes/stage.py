@@ -18,7 +18,7 @@ from rclpy.subscription import Subscription
 from tactile_node.chain import Chain, Step
 from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
-from tactile_node.ros.message_age import age_message
+from tactile_node.ros.message_age import age_since
 from tactile_node.ros.message_checks import Check, Message
 from tactile_node.ros.message_health import StreamHealth
 from tactile_node.ros.settings import NodeSettings, ReceiverSettings
@@ -107,7 +107,7 @@ class StageOutput(Generic[Result]):
             Time when the taxels were acquired, on the steady clock [s].
         """
         try:
-            self._publisher.publish(lambda: self._message(result, acquired))
+            self._publisher.publish(self._message, result, acquired)
         finally:
             if (reader := self._stages.input_of(self.topic)) is not None:
                 reader.feed(result, acquired)
@@ -121,7 +121,7 @@ class StageOutput(Generic[Result]):
 
     def _message(self, result: Result, acquired: float) -> Any:
         message = self._make(result)
-        message.age = age_message(time.monotonic() - acquired)
+        message.age = age_since(acquired)
         return message
 
 
@@ -170,14 +170,18 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
         super().__init__(node, kind, node.resolve_topic_name(topic), check, lossless=settings.lossless, steady=steady)
-        self._accept, self._parse, self._stages = accept, parse, stages
+        self._accept = accept
+        self._kind = kind
+        self._parse = parse
+        self._stages = stages
         self._step = step
         self._most_waiting = math.inf if settings.lossless else most_waiting
         qos = settings.input_qos
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
-        # usable results that wait for ``step``, each after the results that it has overtaken, and when it was acquired
-        self._waiting: deque[tuple[list[Result], float]] = deque()
+        # Usable results and messages that wait for ``step``: each after those that it has overtaken, and the time when
+        # its taxels were acquired.
+        self._waiting: deque[tuple[list[Any], float]] = deque()
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
@@ -210,16 +214,16 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._own.append(frame_key(result))
         self.attempt(self._look_for_others)
         if self.is_usable(result, acquired):
-            self._receive(result)
+            self._wait_for_step(result)
 
     def end_feeding(self) -> None:
         """Record that the previous stage is gone, so that every publisher of the topic counts as another source."""
         self._is_fed = False
         self._own.clear()
 
-    def postpone(self, publish: Callable[[], None], acquired: float, step: Step = Step.SHOW) -> None:
-        """Publish something in a later step of the chain, when this no longer delays a shape."""
-        self._stages.chain.postpone(step, acquired, self.attempt, publish)
+    def postpone(self, step: Step, acquired: float, call: Callable[..., object], *args: object) -> None:
+        """Run a call in a later step of the chain; see `Chain.postpone`. If the call fails, count a failure."""
+        self._stages.chain.postpone(step, acquired, self.attempt, call, *args)
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
@@ -228,8 +232,8 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._arrived.clear()
         self._stages.remove(self)
 
-    def _receive(self, result: Result) -> None:
-        self._waiting.append(([result], self.acquired))
+    def _wait_for_step(self, received: Any) -> None:
+        self._waiting.append(([received], self.acquired))
         if self._step is None:
             self._process_next()
         elif len(self._waiting) > self._most_waiting:
@@ -240,8 +244,12 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
 
     def _process_next(self) -> None:
         if self._waiting:
-            results, acquired = self._waiting.popleft()
-            self.process(results, lambda result: self._accept(result, acquired))
+            received, acquired = self._waiting.popleft()
+            self.process(received, self._pass_on, acquired)
+
+    def _pass_on(self, received: Any, acquired: float) -> None:
+        """Call ``accept`` of the node with a result, or with the result that a message contains."""
+        self._accept(self._parse(received) if isinstance(received, self._kind) else received, acquired)
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
@@ -253,7 +261,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         message = self._arrived.popleft()
         self.count_publishers()
         if frame_key(message) not in self._own and self.is_usable(message):
-            self.attempt(lambda: self._receive(self._parse(message)))
+            self._wait_for_step(message)
 
     def _look_for_others(self) -> None:
         """Let the executor subscribe to the topic if another node publishes it, and end the subscription otherwise."""

@@ -56,7 +56,7 @@ class StatePublisher:
 
     def end(self) -> None:
         """Publish the last state, and stop publishing. A node whose context is shut down cannot publish any more."""
-        self._ticker.stop()
+        self._ticker.end()
         if self._node.context.ok():
             self.update(is_last=True)
 

@@ -46,7 +46,7 @@ class Ticker:
             pacer.start()
             self._end = pacer.stop
 
-    def stop(self) -> None:
+    def end(self) -> None:
         """Call the function no more, and wait until a running call on the thread has ended."""
         self._end()
 

@@ -101,7 +101,7 @@ class TopicSource(ViewSource):
     def _grasp(self, message: Grasp) -> None:
         arrival = self._grasp_age.arrived(message)
         self.store.put_grasp(GraspFacts(GraspContact(message.contact).name.lower(), message.fresh, message.stable,
-                                        arrival.steady - arrival.age_on_arrival))
+                                        arrival.acquired))
 
     def _found_pads(self) -> list[str]:
         node = Node(f'{VIEW_NODE_NAME}_discovery')

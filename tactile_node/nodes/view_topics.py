@@ -47,9 +47,9 @@ class TaxelViews:
 
     def publish(self, contact: PadContact) -> None:
         """Publish ``contact`` and its taxels on the topics that have subscribers."""
-        self._wrench.publish(lambda: wrench_message(contact))
-        self._values.publish(lambda: value_image(contact.frame))
-        self._colours.publish(lambda: colour_image(contact.frame, self._scale))
+        self._wrench.publish(wrench_message, contact)
+        self._values.publish(value_image, contact.frame)
+        self._colours.publish(colour_image, contact.frame, self._scale)
 
 
 class ShapeView:
@@ -85,7 +85,7 @@ class ShapeView:
         shape : ContactShape
             Shape that was recognised from the contact.
         """
-        self._publisher.publish(lambda: self._drawn(contact, shape))
+        self._publisher.publish(self._drawn, contact, shape)
 
     def _drawn(self, contact: PadContact, shape: ContactShape) -> MarkerArray:
         lifetime = self._lifetime.after(time.monotonic(), seconds(contact.header.stamp))

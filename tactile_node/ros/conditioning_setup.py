@@ -5,9 +5,11 @@ from types import MappingProxyType
 
 from tactile_node.conditioning.conditioned_pad import ConditionedPad
 from tactile_node.conditioning.drift import DriftFollower
+from tactile_node.conditioning.faulty_taxels_file import load_faults
 from tactile_node.conditioning.gain import load_gains
-from tactile_node.conditioning.tare import ContactGuard, TaredPad, drift_limit, rest_limit
-from tactile_node.conditioning.taxel_faults import FaultDetector, load_faults
+from tactile_node.conditioning.tare import ContactGuard, drift_limit, rest_limit
+from tactile_node.conditioning.tared_pad import TaredPad
+from tactile_node.conditioning.taxel_faults import FaultDetector
 from tactile_node.errors import ConfigurationError
 from tactile_node.learning.response import SkinResponse, load_response
 from tactile_node.pose.profiles import check_layer

@@ -12,10 +12,12 @@ from tactile_node.assembly.facts import BUS_LOSSES, BusFacts, NodeFacts, PadFact
 from tactile_node.assembly.facts_history import FactsHistory
 from tactile_node.assembly.fault_text import sync_text
 from tactile_node.assembly.health import SyncState
-from tactile_node.conditioning.conditioned_pad import PadCondition, faults_text
-from tactile_node.conditioning.tare import ZeroState
+from tactile_node.conditioning.conditioned_pad import PadCondition
+from tactile_node.conditioning.tared_pad import ZeroState
+from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.ros.message_health import status_of
 
+MOST_NAMED = 20  #: Largest number of taxels of each kind that the text lists.
 EVALUATED_PERIOD = 1.0  #: time over which the level is evaluated [s]
 #: levels, the least severe first
 SEVERITY = (DiagnosticStatus.OK, DiagnosticStatus.STALE, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
@@ -94,6 +96,17 @@ class BusDiagnostics:
 
 def worst_level(findings: Iterable[Finding]) -> bytes:
     return max((finding.level for finding in findings), key=SEVERITY.index)
+
+
+def faults_text(faults: FaultyTaxels) -> str:
+    """Return the faulty taxels by kind, such as 'dead: (3, 4), (5, 0); stuck: (1, 2)'.
+
+    The text names at most MOST_NAMED taxels of each kind.
+    """
+    found = {kind: faults.places(kind) for kind in TaxelFault if kind}
+    return '; '.join(f'{kind.name.lower()}: {", ".join(map(str, places[:MOST_NAMED]))}'
+                     + (f' and {len(places) - MOST_NAMED} more' if len(places) > MOST_NAMED else '')
+                     for kind, places in found.items() if places)
 
 
 def _failed(facts: BusFacts) -> Finding | None:

@@ -1,36 +1,28 @@
-"""Convert grasps and the results of both pads to messages, and read the requirement that a grasp must meet."""
+"""Convert grasps and the results of both pads to messages."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import Header
 
-from tactile_node.errors import RefusedRequirementError, RequirementRefusal
 from tactile_node.grasp.gripper import Gripper, Line
 from tactile_node.grasp.held_object import Face, FaceFit, HeldObject, held_object
 from tactile_node.grasp.opening import Opening
-from tactile_node.grasp.requirement import MOST_REQUIRED, Missing, Requirement
 from tactile_node.grasp.steadiness import FIT_RESOLUTION, PATTERN_RESOLUTION, PRESSURE_RESOLUTION
 from tactile_node.grasp.tracker import GraspContact, GraspState, SideResult, SideState
 from tactile_node.ros.contact_messages import single
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.motion_messages import current_motion, is_moving
-from tactile_node.ros.shape_messages import NAME_OF_NUMBER, contact_pitch, fitted_angle, number_of
-from tactile_node.ros.time_messages import duration_message, seconds
-from tactile_node.shape.recognition import SHAPES
-from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, GraspSides, RequirementState
+from tactile_node.ros.shape_messages import contact_pitch, fitted_angle, number_of
+from tactile_node.ros.time_messages import duration_message
+from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
 #: Fraction of hidden taxels, in a contact or in the ring around the contact, above which the contact counts as largely
 #: hidden. A pad with 3 % dead taxels stays below this fraction.
 MOST_HIDDEN = 0.25
-#: code -> name of each shape that a requirement may list
-REQUIRABLE = {code: name for code, name in NAME_OF_NUMBER.items() if name in SHAPES}
-LONGEST = 3600.0  #: longest timeout of a goal [s]. A longer timeout is probably a mistake, and is refused.
-NANOSECONDS = 10**9
 
 
 def side_result(message: ContactShape, time: float) -> SideResult:
@@ -190,65 +182,3 @@ def _add_sides(message: Grasp, state: GraspState, sides: Sequence[ContactShape],
 
 def _point(place: np.ndarray) -> Point:
     return Point(x=float(place[0]), y=float(place[1]), z=float(place[2]))
-
-
-def requirement_of(message: GraspRequirement, known_names: Collection[str] = ()) -> Requirement:
-    """Return the requirement in a message.
-
-    Parameters
-    ----------
-    message
-        Requirement message.
-    known_names
-        Names of the existing classes, or empty if the classes are not known.
-
-    Raises
-    ------
-    RefusedRequirementError
-        Raised if a limit is invalid, or if no recogniser reports a required shape, so that no grasp could ever meet the
-        requirement.
-    """
-    if len(message.shapes) + len(message.class_names) > 2 * MOST_REQUIRED:  # this check precedes the work on the names
-        raise _refused(RequirementRefusal.TOO_MANY_SHAPES, f'at most {MOST_REQUIRED} shapes',
-                       f'{len(message.shapes)} codes and {len(message.class_names)} names')
-    shapes = frozenset((*map(_name, message.shapes), *message.class_names))
-    requirement = Requirement(
-        shapes=shapes, min_confidence=message.min_confidence, min_held=_duration(message.min_held, 'min_held'),
-        min_width=message.min_width, max_width=message.max_width, max_offset=message.max_offset,
-        max_misalignment=message.max_misalignment, accepts_bound=message.accept_bound)
-    if known_names and not shapes <= set(known_names):
-        raise _refused(RequirementRefusal.NO_SUCH_SHAPE, f'names of {", ".join(known_names)}',
-                       ', '.join(sorted(shapes - set(known_names))))
-    return requirement
-
-
-def timeout_of(message: Duration, longest: float = LONGEST) -> float:
-    """Return the timeout of a goal [s]. Raises RefusedRequirementError unless the timeout is in (0, ``longest``]."""
-    timeout = _duration(message, 'timeout')
-    if not 0 < timeout <= longest:
-        raise _refused(RequirementRefusal.NO_TIMEOUT, f'a timeout above 0 s, at most {longest:g} s', f'{timeout:g} s')
-    return timeout
-
-
-def state_message(found: Sequence[Missing]) -> RequirementState:
-    """Return the unmet conditions found by `missing` as a message."""
-    return RequirementState(missing=int(found[0] if found else Missing.NOTHING),
-                            all_missing=[int(each) for each in found])
-
-
-def _name(code: int) -> str:
-    if code not in REQUIRABLE:
-        raise _refused(RequirementRefusal.NO_SUCH_SHAPE, f'codes {", ".join(map(str, REQUIRABLE))}', str(code))
-    return REQUIRABLE[code]
-
-
-def _duration(message: Duration, name: str) -> float:
-    if message.sec < 0 or message.nanosec >= NANOSECONDS:
-        raise _refused(RequirementRefusal.NOT_A_LIMIT, 'a duration of 0 s or more, with less than 10^9 ns',
-                       f'{name} {message.sec} s {message.nanosec} ns')
-    return seconds(message)
-
-
-def _refused(refusal: RequirementRefusal, expected: str, got: str) -> RefusedRequirementError:
-    return RefusedRequirementError('requirement of a grasp', refusal, expected=expected, got=got,
-                                   remedy='See GraspRequirement.msg.')

@@ -220,6 +220,11 @@ def age_message(age: float) -> Duration:
     return duration_message(age) if age < NOT_KNOWN_SEC else Duration(sec=NOT_KNOWN_SEC)
 
 
+def age_since(acquired: float) -> Duration:
+    """Return the present age of taxels that were acquired at ``acquired`` on the steady clock [s]."""
+    return age_message(time.monotonic() - acquired)
+
+
 def age_seconds(age: Duration) -> float:
     """Convert an age from Duration to seconds. An unknown age becomes inf."""
     return math.inf if age.sec >= NOT_KNOWN_SEC else seconds(age)

@@ -13,7 +13,7 @@ from tactile_node.assembly.facts import BusFacts, NodeFacts, PadFacts
 from tactile_node.assembly.health import Fault
 from tactile_node.cia301.objects import NmtState
 from tactile_node.conditioning.conditioned_pad import PadCondition
-from tactile_node.conditioning.tare import ZeroState
+from tactile_node.conditioning.tared_pad import ZeroState
 from tactile_node.conditioning.taxel_faults import FaultyTaxels, TaxelFault
 from tactile_node.ros.diagnostics import Finding, worst_level
 from tactile_skin.msg import FaultyTaxel, NodeStatus, PadStatus, SkinStatus

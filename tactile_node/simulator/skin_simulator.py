@@ -9,7 +9,8 @@ import can
 from canopen import Network
 from canopen.network import PeriodicMessageTask
 
-from tactile_node.bus.bus_network import Batch, BusNetwork
+from tactile_node.bus.batch_reader import Batch
+from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.open_bus import open_bus
 from tactile_node.cia301.frame_bits import CanFrame

@@ -88,16 +88,7 @@ class SupervisedNode:
     def look(self, now: float, is_active: bool, pad: PadFacts, bus: BusCounts) -> bool:
         """Observe the node, log its faults and the ends of its outages, and return True if a recovery is due.
 
-        Parameters
-        ----------
-        now
-            Time up to which all messages have been received [s].
-        is_active
-            True if the node should be OPERATIONAL.
-        pad
-            Counts of the pad.
-        bus
-            Counts of the bus.
+        The arguments are those of `NodeMonitor.look`.
         """
         self._log_emergency(now)
         before = self._state

@@ -213,7 +213,7 @@ class Supervisor:
                 self._attend_to_bus()
                 self._watch.overload.restart()
             if self._bus.failure is None:
-                begun, counts, syncs = time.monotonic(), self._bus.facts(), self._bus.traffic.syncs_sent
+                begun, counts, syncs = time.monotonic(), self._bus.facts(), self._bus.sync.sent
                 now = time.monotonic()  # a single reading, so that a backlog after a stall does not count as silence
                 self._watch.overload.woke(now, late + now - begun)
                 seen = self._watch.look_at_counts(now, self._is_active, counts, syncs)
