@@ -115,10 +115,11 @@ def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_read
         select.select([bus], [], [], 60)  # a kernel thread passes the bytes through the pseudo-terminal
         after, until = (batch := bus.recv_all(60)).arrival
         assert after < before < until and len(batch.messages) == 1
-        os.write(adapter, b'CCDD\r')  # The first part of this line was sent before the last read.
+        os.write(adapter, b'CCDD\r')
         select.select([bus], [], [], 60)
         second = bus.recv_all(60)
-        assert second.arrival[0] < until and bytes(second.messages[0].data) == b'\xCC\xDD'
+        # The first part of this line was sent before the last read, and after ``before``.
+        assert second.arrival[0] < before and bytes(second.messages[0].data) == b'\xCC\xDD'
         asked = time.monotonic()
         assert not bus.recv_all(0.1).messages
         os.write(adapter, b't1A01EE\r')

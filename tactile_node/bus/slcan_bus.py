@@ -71,7 +71,8 @@ class BulkSlcanBus(slcanBus):
                  listen_only: bool = False, **options: Any):
         self._lines: deque[str] = deque()
         self._asked = -inf  # time of the last check for waiting bytes
-        self._earliest_arrival = -inf  # all lines in the buffer arrived after this time
+        self._earliest_arrival = -inf  # all lines of the next batch arrived after this time
+        self._rest_arrival = -inf  # the incomplete line in the buffer arrived after this time
         self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores this option
         self._lock = _lock_port(channel.split('@')[0])
         try:
@@ -123,7 +124,7 @@ class BulkSlcanBus(slcanBus):
 
     def recv_all(self, timeout: float) -> Batch:
         """Return all waiting messages. If no message is waiting, wait up to ``timeout`` [s] for the first one."""
-        self._earliest_arrival = self._asked
+        self._earliest_arrival = self._rest_arrival if self._buffer else self._asked
         if not self._lines:
             self._read_lines(timeout)
         lines, self._lines = self._lines, deque()
@@ -136,12 +137,16 @@ class BulkSlcanBus(slcanBus):
         end = None if timeout is None else time.monotonic() + timeout
         while not self._lines:
             with can.exceptions.error_check('Could not read from serial device'):
-                self._asked = time.monotonic()
-                waiting = self.serialPortOrig.in_waiting
-                if not waiting and not self._buffer:  # no byte of the next line has arrived yet
-                    self._earliest_arrival = self._asked
+                after, self._asked = self._asked, time.monotonic()
+                waiting, is_begun = self.serialPortOrig.in_waiting, bool(self._buffer)
+                if not waiting:  # no byte of this read has arrived yet
+                    after = self._asked
+                    if not is_begun:
+                        self._earliest_arrival = after
                 self._buffer += self.serialPortOrig.read(max(1, waiting))
             *lines, rest = self._buffer.translate(ENDS).split(END)
+            if lines or not is_begun:
+                self._rest_arrival = after
             self._buffer = bytearray(rest)
             if len(rest) > LONGEST_LINE:
                 self._buffer.clear()
