@@ -161,6 +161,15 @@ def test_all_contacts_count():
     assert wrench(message) == pytest.approx([0, 0, -5.0, -(3.2 * 0.005 + 1.8 * 0.022), 3.2 * 0.003 + 1.8 * 0.024, 0])
 
 
+def test_a_taxel_between_two_contacts_counts_once():
+    values = pressed((2, 2, 4, 4), (2, 7, 4, 4))
+    values[2:6, 6] = 0.1 * PRESSED  # next to both contacts, and part of neither
+    values[6, 2:11] = 0.1 * PRESSED  # below both contacts
+    message = taxels(values)
+    assert contact_of(message).found.pattern.contacts == 2
+    assert wrench(message)[2] == pytest.approx(-values.sum() * 4e-6)
+
+
 def test_an_empty_pad_that_was_seen_has_no_force():
     assert wrench(taxels(pressed())) == [0.0] * 6
 

@@ -22,6 +22,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tactile_node.colour_map import RGB_TABLE, ColourScale
+from tactile_node.contact.neighbours import grown
 from tactile_node.contact.pattern import MOST_LABELS, of_contact
 from tactile_node.contact.visibility import visibility_of
 from tactile_node.pose.moments import contact_moments
@@ -249,14 +250,20 @@ def wrench_message(contact: PadContact) -> WrenchStamped:
 
 
 def _known(contact: FoundContact) -> list[_Pressing] | None:
-    """Return the force and the centre of each contact, or None if any contact is not completely known."""
+    """Return the force and the centre of each contact, or None if any contact is not completely known.
+
+    A taxel that is next to two contacts counts for the first one, as in `pose.moments.pad_force`.
+    """
     pattern, visibility, taxels, smallest_contact = contact
     if not visibility.pad_seen or taxels.unit == ON_OFF_UNIT or pattern.contacts > MOST_LABELS:
         return None
     found = []
+    counted = np.zeros(pattern.mask.shape, bool)
     for number in range(1, pattern.contacts + 1):
         part = of_contact(pattern, number)
-        moments = contact_moments(part.values, part.mask, taxels.pitch, taxels.unit or '',
+        values = np.where(counted & ~part.mask, 0.0, part.values)
+        counted |= grown(part.mask)
+        moments = contact_moments(values, part.mask, taxels.pitch, taxels.unit or '',
                                   visibility_of(part, smallest_contact, taxels.finger_ends))
         each = _Pressing(moments.force, *moments.centre_of_pressure)
         if moments.force_is_bound or moments.centre_of_pressure_is_bound or not all(map(math.isfinite, each)):
