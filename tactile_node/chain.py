@@ -21,7 +21,7 @@ SAME_SYNC = 0.002
 
 
 class Step(IntEnum):
-    """Steps that the chain postpones, the most urgent first."""
+    """Steps that the chain postpones, in the order in which they run for the taxels of one SYNC."""
 
     FIND = 0       #: find the contacts in a taxel frame
     RECOGNISE = 1  #: recognise the shape of a contact

@@ -25,7 +25,7 @@ from tactile_node.node_graph import bus_nodes
 from tactile_node.nodes import message_guard
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
-from tactile_node.nodes.processor_node import ProcessorNode
+from tactile_node.nodes.processor_node import MOST_WAITING, ProcessorNode
 from tactile_node.nodes.spinner import spinning
 from tactile_node.nodes.stage import StageInput, Stages
 from tactile_node.nodes.system import System
@@ -34,7 +34,7 @@ from tactile_node.ros.contact_messages import PadFrame, pad_frame_of, taxel_arra
 from tactile_node.ros.message_age import age_seconds
 from tactile_node.ros.message_checks import check_taxel_array
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.settings import MOST_WAITING, ReceiverSettings
+from tactile_node.ros.settings import ReceiverSettings
 from tactile_node.skin.taxel_array import RejectReason
 from tactile_node.taxel_frame import SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import Contact, ContactShape, ContactShapes, Grasp, GraspSides, TaxelArray

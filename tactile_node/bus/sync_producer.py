@@ -94,7 +94,7 @@ class SyncProducer(Pacer):
     Attributes
     ----------
     sent : int
-        Number of SYNCs sent since construction.
+        Number of SYNCs since construction, including those that could not be sent.
     pause : SyncPause
         Rule that skips SYNCs.
     """

@@ -49,7 +49,7 @@ class SideResult(NamedTuple):
 
     #: True if the contact could creep while its centre stays, because much of the contact is unseen
     hides_creep: bool = False
-    moves: bool = False  #: True if the contact is seen to slide or to turn
+    moves: bool = False  #: True if the contact is seen to slide, to shift or to turn
 
 
 class GraspContact(IntEnum):

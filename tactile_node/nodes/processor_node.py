@@ -26,6 +26,10 @@ from tactile_node.ros.settings import ProcessorSettings
 from tactile_node.taxel_frame import PRESS_BY_UNIT, TaxelStatus
 from tactile_skin.msg import Contact, ContactFeatures, TaxelArray
 
+#: Largest number of frames of a pad that wait. Ten waiting frames at 50 Hz would delay data by 0.2 s, but a gripper
+#: does not close on data older than 0.15 s.
+MOST_WAITING = 2
+
 logger = logging.getLogger(__name__)
 
 
@@ -50,7 +54,7 @@ class ProcessorNode(StageNode):
         self._views = TaxelViews(self, self._settings.queue_depth, self._settings.full_scale)
         self._taxels = StageInput(self, TaxelArray, 'taxels', self.accept, self._settings, check=check_taxel_array,
                                   parse=pad_frame_of, stages=self._stages,
-                                  step=Step.FIND, most_waiting=settings.most_waiting)
+                                  step=Step.FIND, most_waiting=MOST_WAITING)
         self._taxels.sends_on = self._contacts.topic  # read by `Stages.is_complete`, for a lossless replay
         self.begin_stage(settings, [self._taxels], self._contacts)
         follow_changes(self, ProcessorSettings, check, lambda changed: self._stages.chain.post(self._apply, changed))

@@ -30,10 +30,6 @@ if TYPE_CHECKING:
 BUS = BusSettings(DEFAULT_INTERFACE, DEFAULT_CHANNEL)  #: source of the defaults of the driver's bus
 GRASP = GraspSettings()  #: source of the defaults of the grasp node
 
-#: Maximum number of frames that wait for a stage. Ten waiting frames at 50 Hz would delay data by 0.2 s, but a gripper
-#: does not close on data older than 0.15 s.
-MOST_WAITING = 2
-
 FRAME_PREFIX = 'prefix of every frame, such as robot1/, as for robot_state_publisher'
 FULL_SCALE = 'reading with the brightest colour of {} [unit of the taxels]; 0: the highest so far, at least ' + (
     f'{PRESS_BY_UNIT["Pa"] / 1e3:g} kPa, {PRESS_BY_UNIT["N"]:g} N')
@@ -44,8 +40,8 @@ class NodeSettings:
     """Parameters that every node has, for the queues of the topics with one message per frame."""
 
     queue_depth: int = parameter(10, 'number of messages that a publisher or subscription keeps; the oldest is '
-                                 'discarded first. At most 2 frames wait for a stage, except in a lossless replay', 1,
-                                 100_000)
+                                 'discarded first. Except in a lossless replay, at most 2 frames and 1 contact of a '
+                                 'pad wait for their stage', 1, 100_000)
     lossless: bool = parameter(False, 'true: lossless replay. Publishers keep 5000 messages, also for late '
                                'subscribers, and the driver waits until each frame is processed; all nodes must share '
                                'its process')
@@ -72,11 +68,6 @@ class ReceiverSettings(NodeSettings):
         """QoS of the subscriptions. In a lossless replay, ``best_effort`` has no effect."""
         from tactile_node.ros.qos import frames_qos
         return frames_qos(self.queue_depth, self.lossless, self.best_effort)
-
-    @property
-    def most_waiting(self) -> int:
-        """Maximum number of frames that wait for a stage. A slow stage may lag behind by this number."""
-        return self.queue_depth if self.lossless else min(self.queue_depth, MOST_WAITING)
 
 
 @dataclass(frozen=True)
