@@ -49,13 +49,13 @@ class SweepSender:
         self._began_in_step = not behind
 
     def started(self) -> None:
-        """Record that the silent node was started. The node owes no answer to an earlier SYNC."""
+        """Record that the silent node was started. The node owes no answer to an earlier SYNC (rule 2)."""
         if not self.received:
             self.restart()
             self._was_started = True
 
     def settle(self) -> None:
-        """Record that a free bus has proved that no answer to an earlier SYNC can begin.
+        """Record that a free bus has proved that no answer to an earlier SYNC can begin (rule 4).
 
         A tail is unaffected, because the beginning of the next run shows where the tail belongs.
         """
@@ -64,7 +64,7 @@ class SweepSender:
             self.is_in_doubt = False
 
     def repeats(self, rank: int, data: bytes) -> bool:
-        """Return True if a TPDO repeats the previous TPDO byte for byte."""
+        """Return True if a TPDO repeats the previous TPDO byte for byte (rule 6)."""
         return rank == self.last and data == self._last_data
 
     def note(self, rank: int, data: bytes) -> None:
@@ -75,7 +75,7 @@ class SweepSender:
             self.received.append(rank)
 
     def note_earlier(self, rank: int, data: bytes) -> None:
-        """Record a TPDO that was on the bus before the last SYNC, so that at least one sweep was behind."""
+        """Record a TPDO that was on the bus before the last SYNC, so that at least one sweep was behind (rule 9)."""
         if rank <= self.last:
             self.owes_tail = False
             self.behind -= 1
@@ -88,18 +88,18 @@ class SweepSender:
             self.last = -1
 
     def end_run(self) -> None:
-        """Record that the next run begins in the same period, so the node is one sweep less behind."""
+        """Record that the next run begins in the same period, so the node is one sweep less behind (rule 2)."""
         self._is_proved = False
         self.owes_tail = False
         self.behind -= 1
 
     def lose_step(self) -> None:
-        """Record that the number of sweeps the node is behind is unknown until the bus is free."""
+        """Record that the number of sweeps the node is behind is unknown until the bus is free (rule 5)."""
         self._is_proved = False
         self.behind = inf
 
     def end_period(self) -> bool:
-        """Pass to the next period, and return True if the present run answers the SYNC of the period that ends."""
+        """Pass to the next period, and return True if the run answers the SYNC of the ending period (rules 1 to 4)."""
         self._note_order()
         is_seen = bool(self.received)
         is_current = is_seen and (self._is_proved or not self.behind)
