@@ -1,6 +1,5 @@
 """Shapes that users teach, and ways in which a taught file could mislead. No other test draws the cross."""
 
-import csv
 import json
 from queue import SimpleQueue
 
@@ -59,16 +58,11 @@ def arrays(file):
 
 
 @pytest.mark.parametrize('options', [[], ['--fuse', '--period', '0.02']], ids=['single', 'fused'])
-def test_a_table_has_the_taught_shapes_too(file, tmp_path, capsys, options):
-    """The CSV table has the same values as the JSON output."""
+def test_classify_has_the_taught_shapes_too(file, tmp_path, capsys, options):
     np.save(tmp_path / 'x.npy', held(rng_of(20), cross, 1))
-    words = ['classify', str(tmp_path / 'x.npy'), '--model', str(file), *options]
-    assert main([*words, '--format', 'csv']) == 0
-    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
-    assert main(words) == 0
+    assert main(['classify', str(tmp_path / 'x.npy'), '--model', str(file), *options]) == 0
     lines = list(map(json.loads, capsys.readouterr().out.splitlines()))
-    assert [float(row['probabilities.cross']) for row in rows] == [line['probabilities']['cross'] for line in lines]
-    assert 'cross' in {row['shape'] for row in rows}
+    assert 'cross' in {line['shape'] for line in lines} and all('cross' in line['probabilities'] for line in lines)
 
 
 def test_a_cross_is_recognised_in_touches_that_were_not_taught(file):
