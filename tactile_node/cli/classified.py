@@ -9,7 +9,7 @@ import numpy as np
 from tactile_node.cli.frame_file import TaxelFrames
 from tactile_node.cli.frame_patterns import files, patterns, taxels_known, thresholds
 from tactile_node.cli.progress import show_progress
-from tactile_node.cli.records import Record, prints, write_records
+from tactile_node.cli.records import Record, write_records
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
 from tactile_node.learning.response import SkinResponse
@@ -52,7 +52,7 @@ def _fused(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: ar
     stamps, taxels = _stamps(path, frames, args), _taxels(frames, pitch, response)
     pipeline = ContactPipeline(recogniser, thresholds=thresholds(args), fits=bool(pitch),
                                curve=None if response is None else response.curve)
-    for k, frame in enumerate(show_progress(frames.values, path, len(frames.values), prints=prints(args))):
+    for k, frame in enumerate(show_progress(frames.values, path, len(frames.values), prints=args.output is None)):
         result = pipeline.follow(frame, taxels, float(stamps[k]), **taxels_known(frames, k))
         fused = result.fused
         yield {'file': path, 'frame': k, **frames.known_of(k), **fused.recognition.as_json(),

@@ -9,7 +9,7 @@ import numpy as np
 from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.frame_png import Greys
 from tactile_node.cli.progress import show_progress
-from tactile_node.cli.records import Record, prints, write_records
+from tactile_node.cli.records import Record, write_records
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, PressThresholds
 from tactile_node.contact.unit_scale import UnitScale
@@ -67,7 +67,7 @@ def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest
         True to keep only the largest contact in a bool frame, False to keep all active taxels.
     """
     extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=largest)
-    for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=prints(args))):
+    for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=args.output is None)):
         yield extractor.extract(frame, **taxels_known(found, k))
 
 

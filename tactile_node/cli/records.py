@@ -14,24 +14,18 @@ from tactile_node.taxel_frame import PRESS_BY_UNIT
 Record = dict
 
 
-def prints(args: argparse.Namespace) -> bool:
-    """Return True if the results go to standard output."""
-    return args.output is None or args.output == '-'
-
-
 def write_records(records: Iterable[Record], args: argparse.Namespace) -> None:
     """Write records, one per frame, to the output selected by the options.
 
     ``args`` contains the output and the input files. Input files are never overwritten.
     """
     lines = (json.dumps(record, allow_nan=False) + '\n' for record in records)
-    if prints(args):
+    if args.output is None:
         for line in lines:  # one line at a time, so that a pipe receives each result immediately
             sys.stdout.write(line)
         return
-    inputs = [path for path in args.frames if path != '-']
-    check_writable(args.output, inputs, force=args.force)
-    with output_file(args.output, inputs) as stream:
+    check_writable(args.output, args.frames, force=args.force)
+    with output_file(args.output, args.frames) as stream:
         stream.writelines(map(str.encode, lines))
 
 
@@ -44,9 +38,8 @@ FORMATS_HELP = (
 
 def add_array_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options for the input, the output and the thresholds."""
-    parser.add_argument('frames', nargs='*', default=['-'], metavar='FILE',
-                        help=f'{FORMATS_HELP}. "-" or no FILE: standard input. Each file holds the frames of one pad, '
-                             'in chronological order')
+    parser.add_argument('frames', nargs='+', metavar='FILE',
+                        help=f'{FORMATS_HELP}. Each file holds the frames of one pad, in chronological order')
     add_output_option(parser, metavar='FILE', help='file to write (default: standard output)')
     parser.add_argument('--unit', choices=list(PRESS_BY_UNIT),
                         help='unit of the values (1: on/off). An .npz file has its own unit. Without a unit, the noise '
