@@ -331,7 +331,7 @@ def test_a_file_without_an_assessment_is_refused_with_our_error(arrays, change, 
 def test_shapes_taught_afterwards_leave_the_adaptation_out(arrays, tmp_path):
     """The biases of an adaptation no longer fit once the user has taught more shapes."""
     with (tmp_path / 'taught.npz').open('wb') as stream:
-        write_taught(stream, arrays, [], {}, {})
+        write_taught(stream, arrays, [], {})
     assert not any('_skin_' in name for name in read_arrays(tmp_path / 'taught.npz'))
 
 
