@@ -19,7 +19,7 @@ RECORD = ['record', '--interface', 'virtual', '--duration', '0.1', 'x.log']
 #: must refuse to overwrite the file before it looks for them.
 WRITES = [
     ['features', 'none.npy', '-o', 'x.json'], ['classify', 'none.npy', '-o', 'x.json'],
-    ['calibrate', 'none.npy', '--radius', '0.01', '--pitch', '0.002', '-o', 'x.yaml'],
+    ['calibrate', 'none.npz', '--radius', '0.01', '-o', 'x.yaml'],
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'x.npz'],
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'new.npz', '--picture', 'x.png'],
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
