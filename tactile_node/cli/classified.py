@@ -28,7 +28,7 @@ BOX_NAMES = *POSE_NAMES, *SIDE_NAMES
 def write_shapes(args: argparse.Namespace) -> None:
     if args.pitch is not None:
         check_pitch(args.pitch)
-    recogniser = make_recogniser(args.method, {LEARNED: args.weights, VOLF: args.curves}[args.method])
+    recogniser = make_recogniser(args.method, {LEARNED: args.model, VOLF: args.curves}[args.method])
     of_file = _fused if args.fuse else _single
     write_records((record for path, found in files(args) for record in of_file(path, found, recogniser, args)), args)
 

@@ -16,7 +16,6 @@ from tactile_node.cli.bag_frames import RecordedPad, read_bag
 from tactile_node.cli.frame_file import write_archive
 from tactile_node.cli.options import (
     add_log_options,
-    add_number,
     add_output_option,
     add_pads_option,
     add_window_options,
@@ -37,8 +36,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                         'Or a bag of the topics <pad>/taxels; the pads and their geometry are then those of the bag')
     add_log_options(parser)
     add_pads_option(parser)
-    add_number(parser, '--pace', limits={'remedy': '1 is the recorded pace, 0 as fast as possible.'}, default=0.0,
-               help='1: recorded pace, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     add_window_options(parser)
     add_output_option(parser, metavar='FILE', help='.npz file for the taxel frames: values (K, rows, cols), NaN = '
                         'invalid, with stamps, sequence, status, pad, pitch and unit. With several pads, each pad gets '
@@ -62,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
 def _play_log(args: argparse.Namespace) -> int:
     pads = pads_of(args, args.pads)
     with _opened(args, [pad.name for pad in pads]) as outputs:
-        played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel, any_device=args.any_device,
+        played = play_log(args.log, pads, channel=args.channel, any_device=args.any_device,
                           window=window_of(args), keep=bool(outputs))
         for pad in pads if outputs else ():
             layout = pad.layout
@@ -83,7 +80,7 @@ def _play_log(args: argparse.Namespace) -> int:
 
 def _convert_bag(args: argparse.Namespace) -> int:
     ignored = {'--node-id': args.node_id, '--layout': args.layout != DEFAULT_LAYOUT, '--channel': args.channel,
-               '--any-device': args.any_device, '--pace': args.pace}
+               '--any-device': args.any_device}
     if given := [option for option, is_given in ignored.items() if is_given]:
         raise ConfigurationError('tactile replay', got=', '.join(given), remedy='Leave them out.',
                                  expected='for a bag of topics only --pads, --start, --duration, --output and --force')
