@@ -95,7 +95,7 @@ def taught_by(world, rng: np.random.Generator, silhouette: Silhouette, backgroun
     model = config_path(METHOD_FILES[LEARNED])
     taught = teach(ShapeRecogniser.from_file(model), background, [examples])
     written = io.BytesIO()
-    write_taught(written, read_arrays(model), [silhouette.name], {'graded': taught.head}, {'graded': [examples]})
+    write_taught(written, read_arrays(model), [silhouette.name], {'graded': taught.head})
     with tempfile.NamedTemporaryFile(suffix='.npz') as file:
         file.write(written.getbuffer())
         file.flush()

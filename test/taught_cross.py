@@ -69,4 +69,4 @@ def write_taught_cross(path: Path) -> None:
     taught = teach(ShapeRecogniser.from_file(base), third_of_background(), [own])
     assert taught.held_out.is_good
     with path.open('wb') as stream:
-        write_taught(stream, read_arrays(base), ['cross'], {'graded': taught.head}, {'graded': [own]})
+        write_taught(stream, read_arrays(base), ['cross'], {'graded': taught.head})

@@ -16,12 +16,10 @@ from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.assess import (
     LEAST_TOUCHES,
     Answers,
-    Improvement,
     LabelledTouch,
     assess,
-    with_and_without_gains,
 )
-from tactile_node.learning.skin_measures import measure_skin, with_even_gains
+from tactile_node.learning.skin_measures import measure_skin
 from tactile_node.learning.taught_file import write_taught
 from tactile_node.learning.touches import AnyTouchFinder, Touches, TouchFrame, Unused
 from tactile_node.package_files import config_path
@@ -219,24 +217,6 @@ def test_the_skin_is_measured():
     assert even.noise == pytest.approx(100 / 50e3, rel=0.3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize('gains, is_cause', [(GAINS, True), (1.0, False)], ids=['uneven', 'even'])
-def test_gains_are_a_cause_of_errors_only_if_they_are_uneven(gains, is_cause, base):
-    """The blur of the skin causes errors with both gains."""
-    names, frames = zip(*frames_of(EVERY, 16, gains=gains))
-    as_it_is, even = with_and_without_gains(base, [label_of(name) for name in names], frames)
-    assert as_it_is.counts().right < len(frames)
-    assert (Improvement.of(as_it_is, even).interval[0] > 0) is is_cause
-
-
-def test_the_gains_of_the_other_touches_make_the_readings_even():
-    frames = [frame for _, frame in frames_of(('circle', 'square'), 17, count=32, blur=0.0)]
-    found = [np.log(even[frame.mask] / (frame.reading / GAINS)[frame.mask])
-             for frame, even in zip(frames, with_even_gains(frames))]
-    left = np.concatenate([each - each.mean() for each in found])
-    assert left.std() < np.log(GAINS).std() / 2
-
-
 def test_the_level_at_rest_does_not_matter():
     frames = [frame for _, frame in frames_of(EVERY, 12, count=6)]
     higher = [frame._replace(reading=frame.reading + 2e4) for frame in frames]
@@ -331,7 +311,7 @@ def test_a_file_without_an_assessment_is_refused_with_our_error(arrays, change, 
 def test_shapes_taught_afterwards_leave_the_adaptation_out(arrays, tmp_path):
     """The biases of an adaptation no longer fit once the user has taught more shapes."""
     with (tmp_path / 'taught.npz').open('wb') as stream:
-        write_taught(stream, arrays, [], {}, {})
+        write_taught(stream, arrays, [], {})
     assert not any('_skin_' in name for name in read_arrays(tmp_path / 'taught.npz'))
 
 
@@ -357,7 +337,7 @@ def test_the_command_reports_and_writes_a_file_that_changes_the_answers_and_is_n
     output, picture = recordings / 'skin.npz', recordings / 'reliability.png'
     assert main([*words_of(recordings, *EVERY), '-o', str(output), '--picture', str(picture)]) == 0
     told = capsys.readouterr().out
-    assert 'kept, with temperature' in told and 'spread of the gains' in told and 'gain_files' in told
+    assert 'kept, with temperature' in told and 'spread of the gains' in told
     assert picture.read_bytes().startswith(b'\x89PNG')
     assert main(['classify', str(recordings / 'l.npy'), '--model', str(output)]) == 0
     adapted = capsys.readouterr().out

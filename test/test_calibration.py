@@ -80,7 +80,8 @@ def length_errors(lines: str) -> dict[str, list[float]]:
 def test_sizes_of_other_objects_are_right_after_one_calibration(response_file, other_log, tmp_path, capsys):
     """The median lengths are accurate to within 1.5 % with the response, and at least 2.5 % too large without it."""
     frames = tmp_path / 'others.npy'
-    assert main(['replay', str(other_log), '--output', str(frames)]) == 0
+    assert main(['replay', str(other_log), '--output', str(tmp_path / 'others.npz')]) == 0
+    np.save(frames, np.load(tmp_path / 'others.npz')['values'])
     raw = np.load(frames)
     np.save(frames, raw - np.median(raw[:10], axis=0))
     found = {}
@@ -253,7 +254,7 @@ def test_a_calibration_that_cannot_be_is_refused(given, known, says):
 
 
 @pytest.mark.parametrize('words, says', [
-    (['x.npy', '--radius', '0.01'], '--output'), (['x.npy', '--radius', '0.01', '-o', 'y'], 'pitch: expected a length'),
+    (['x.npz', '--radius', '0.01'], '--output'), (['x.npz', '--radius', '0.01', '-o', 'y'], 'No such file'),
     (['x.log', '--radius', '0'], 'radius'), (['x.log', '--radius', '12.5'], 'at most 0.25 m'),
     (['x.log', '--radius', '0.01', '--layout', 'nus_sinapse_64x64.yaml'], 'nus_sinapse_64x64.yaml')])
 def test_the_command_says_what_it_needs(words, says, capsys):
@@ -297,3 +298,9 @@ def test_a_commissioning_files_the_response_and_offers_its_recording_to_assess(r
     assert not measure_skin(hand, hand, 'left', record, tmp_path, RADIUS, ('circle',))
     assert hand.acts == [Act.STROKE, Act.CLEAR, Act.REUSE]
     assert 'No adaptation was tried' in record['assessment']['text'] and record['assessment']['file'] == ''
+
+
+def test_an_array_without_pitch_unit_and_status_is_refused(tmp_path, capsys):
+    np.savez(tmp_path / 'x.npz', np.zeros((9, SIDE, SIDE)))
+    assert main(['calibrate', str(tmp_path / 'x.npz'), '--radius', str(RADIUS), '-o', str(tmp_path / 'y.yaml')]) == 2
+    assert 'pitch, unit and status' in capsys.readouterr().err

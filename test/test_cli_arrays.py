@@ -124,13 +124,9 @@ def test_fractions_need_the_full_scale(tmp_path, capsys, option):
     assert '--full-scale' in capsys.readouterr().err
 
 
-@pytest.mark.bus
-def test_standard_input_and_output_file(tmp_path):
-    buffer = io.BytesIO()
-    np.save(buffer, np.ones((4, 5), bool))
-    command = [sys.executable, '-m', 'tactile_node.cli.main', 'classify', '--output', tmp_path / 'lines.json']
-    result = subprocess.run(command, input=buffer.getvalue(), capture_output=True, check=True)
-    assert result.stdout == b'' and json.loads((tmp_path / 'lines.json').read_text())['N'] == 20
+def test_an_output_file_gets_the_lines(tactile, tmp_path):
+    assert tactile('classify', np.ones((4, 5), bool), '--output', str(tmp_path / 'lines.json')) == []
+    assert json.loads((tmp_path / 'lines.json').read_text())['N'] == 20
 
 
 @pytest.mark.bus

@@ -30,8 +30,8 @@ def test_the_command_is_the_first_word_that_is_complete(line, chosen):
 @pytest.mark.bus
 @pytest.mark.parametrize(('line', 'expected', 'others'), [
     ('tactile ', {name for name, *_ in COMMANDS} | {'--version'}, {'--pitch'}),
-    ('tactile classify --p', {'--pitch', '--period', '--press'}, {'--pace'}),
-    ('tactile classify --format ', {'json', 'csv'}, set()),
+    ('tactile classify --p', {'--pitch', '--period', '--press'}, {'--pads'}),
+    ('tactile classify --method ', {'learned', 'volf'}, set()),
     ('tactile features --largest', {'--largest-contact'}, set())])
 def test_a_shell_gets_the_completions_without_waiting_for_imports(tmp_path, line, expected, others):
     """A slow import would delay every press of the TAB key."""

@@ -42,8 +42,8 @@ def run(program: str, folder: Path) -> subprocess.CompletedProcess:
 
 def test_the_lines_of_the_readme_replay_and_classify_run(tmp_path):
     done = run(f'import doctest; print(doctest.testfile({str(ROOT / "README.md")!r}, module_relative=False))\n'
-               f'main(["replay", {str(ROOT / "test/data/sim16x16_two_pads.log.gz")!r}, "--output", "frames.npy"])\n'
-               'sys.exit(main(["classify", "frames.npy", "--pitch", "0.004"]))', tmp_path)
+               f'main(["replay", {str(ROOT / "test/data/sim16x16_two_pads.log.gz")!r}, "--output", "frames.npz"])\n'
+               'sys.exit(main(["classify", "frames.npz", "--pitch", "0.004"]))', tmp_path)
     assert done.returncode == 0, done.stderr
     assert 'TestResults(failed=0, attempted=6' in done.stdout, done.stdout
     lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith('{')]

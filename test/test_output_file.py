@@ -27,6 +27,7 @@ def is_kept(path):
 
 
 def test_a_log_that_cannot_be_played_leaves_the_output_as_it_was(kept, capsys):
+    kept = kept.rename(kept.with_suffix('.npz'))  # np.load knows the array by its first bytes
     assert main(['replay', 'nosuch.log', '--output', str(kept), '--force']) == 2
     assert 'nosuch.log' in capsys.readouterr().err
     assert is_kept(kept)

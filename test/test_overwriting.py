@@ -19,7 +19,7 @@ RECORD = ['record', '--interface', 'virtual', '--duration', '0.1', 'x.log']
 #: must refuse to overwrite the file before it looks for them.
 WRITES = [
     ['features', 'none.npy', '-o', 'x.json'], ['classify', 'none.npy', '-o', 'x.json'],
-    ['calibrate', 'none.npy', '--radius', '0.01', '--pitch', '0.002', '-o', 'x.yaml'],
+    ['calibrate', 'none.npz', '--radius', '0.01', '-o', 'x.yaml'],
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'x.npz'],
     ['teach', '--name', 'plug', '--from', 'none.npy', '-o', 'new.npz', '--picture', 'x.png'],
     ['draft', 'sim16x16.eds', '--output', 'x.yaml'], RECORD,
@@ -56,13 +56,13 @@ def test_a_file_of_one_of_several_pads_or_of_a_series_is_refused(folder, capsys)
 
 @pytest.mark.slow
 def test_with_force_it_is_replaced(folder, capsys):
-    for name in ('x.npz', 'x.csv', 'x.yaml', 'x.log', 'x_part2.log'):
+    for name in ('x.npz', 'x.jsonl', 'x.yaml', 'x.log', 'x_part2.log'):
         (folder / name).write_text('old')
     assert main(['replay', LOG, '-o', 'x.npz', '--force']) == 0 and 'values' in np.load('x.npz')
-    assert main(['classify', 'x.npz', '--format', 'csv', '-o', 'x.csv', '--force']) == 0
+    assert main(['classify', 'x.npz', '-o', 'x.jsonl', '--force']) == 0
     assert main(['draft', 'sim16x16.eds', '--output', 'x.yaml', '--force']) == 0
     main([*RECORD, '--force'])
-    assert all((folder / name).read_text() != 'old' for name in ('x.csv', 'x.yaml', 'x.log'))
+    assert all((folder / name).read_text() != 'old' for name in ('x.jsonl', 'x.yaml', 'x.log'))
     assert not (folder / 'x_part2.log').exists(), 'a reader would take this file for a part of the new recording'
 
 

@@ -63,8 +63,8 @@ def try_out(distribution: Path, work: Path) -> None:
     clean = {name: value for name, value in os.environ.items() if name not in ('PYTHONPATH', 'AMENT_PREFIX_PATH')}
     run(binaries / 'python', '-m', 'pip', 'install', '--quiet', '--disable-pip-version-check', distribution, cwd=work)
     print(run(binaries / 'tactile', '--version', cwd=work, environment=clean).strip())
-    run(binaries / 'tactile', 'replay', LOG, '--output', 'frames.npy', cwd=work, environment=clean)
-    lines = run(binaries / 'tactile', 'classify', 'frames.npy', '--pitch', '0.004', cwd=work, environment=clean)
+    run(binaries / 'tactile', 'replay', LOG, '--output', 'frames.npz', cwd=work, environment=clean)
+    lines = run(binaries / 'tactile', 'classify', 'frames.npz', '--pitch', '0.004', cwd=work, environment=clean)
     shapes = {json.loads(line)['shape'] for line in lines.splitlines()}
     if not shapes >= SHAPES:
         raise SystemExit(f'{distribution.name}: expected the shapes {sorted(SHAPES)}, got {sorted(shapes)}')

@@ -31,11 +31,9 @@ from tactile_node.learning.assess import (
     LEAST_TOUCHES,
     Answers,
     Assessment,
-    Improvement,
     LabelledTouch,
     assess,
     reliability_picture,
-    with_and_without_gains,
 )
 from tactile_node.learning.skin_measures import measure_skin
 from tactile_node.learning.teach import Rate
@@ -90,10 +88,7 @@ def run(args: argparse.Namespace) -> int:
     _check(frames)
     found = assess(recogniser, [LabelledTouch(label, frame.pattern) for label, frame in touches])
     print('\n'.join(_report(found)))
-    measures = measure_skin(frames)
-    print(f'This skin: {measures}.')
-    if measures.gains > 0:
-        _advise(*with_and_without_gains(recogniser, [label for label, _ in touches], frames))
+    print(f'This skin: {measure_skin(frames)}.')
     if args.picture:
         write_figure(args.picture, reliability_picture(found))
     if not args.output:
@@ -141,15 +136,6 @@ def _report(found: Assessment) -> Iterator[str]:
     kept = (f'kept, with temperature {found.adaptation.temperature:.2f}' if found.adaptation
             else 'not kept, because the improvement is too small or too uncertain')
     yield f'The adaptation improves the Brier score by {found.improvement}: {kept}.'
-
-
-def _advise(as_it_is: Answers, even: Answers) -> None:
-    """Advise the user to measure the gains if uneven gains clearly cause errors."""
-    improvement = Improvement.of(as_it_is, even)
-    if improvement.is_worth_it and improvement.interval[0] > 0:
-        print('Uneven gains cause errors: if the readings are corrected with the gains of the taxels, '
-              f'{even.counts().right} touches are right instead of {as_it_is.counts().right}. Measure the gain of each '
-              'taxel, and give the gains to the driver (gain_files, docs/taxel_faults.md).')
 
 
 def _table(answers: Answers) -> Iterator[str]:

@@ -23,7 +23,6 @@ from tactile_node.learning.response import RESPONSE_SUFFIX, save_response
 from tactile_node.learning.response_fit import Disc, FoundResponse, calibrate, check_disc
 from tactile_node.learning.touches import Touches
 from tactile_node.output_file import check_writable
-from tactile_node.pose.moments import check_pitch
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 
 SUSPICIOUS_ERROR = 0.06  #: relative error of the uncalibrated radius above which the given --radius may be wrong
@@ -35,12 +34,11 @@ class Readings(NamedTuple):
     frames: np.ndarray     #: readings (K, rows, cols), NaN where there is no valid value
     saturated: np.ndarray  #: mask of the saturated taxels (K, rows, cols), bool
     pitch: float           #: distance between neighbouring taxels [m]
-    unit: str              #: unit of the readings, or '' for an array
+    unit: str              #: unit of the readings
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('recording', help='CAN log as for `tactile record`, an .npz of `tactile replay`, or a zeroed '
-                        '.npy array (K, rows, cols)')
+    parser.add_argument('recording', help='CAN log as for `tactile record`, or an .npz of `tactile replay`')
     parser.add_argument('--radius', type=float, required=True, metavar='METRES',
                         help='radius of the face that touches the pad [m]')
     parser.add_argument('--edge-radius', type=float, default=0.0, metavar='METRES',
@@ -48,8 +46,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_log_options(parser)
     parser.add_argument('--gains', default='', metavar='FILE', help='file with per-taxel gains, as in gain_files of '
                         'the driver')
-    parser.add_argument('--pitch', type=float, metavar='METRES', help='distance between neighbouring taxels [m]; only '
-                        'for an array')
     add_output_option(parser, metavar='FILE', help='file to write (default: beside the layout, with the suffix '
                       f'{RESPONSE_SUFFIX})')
 
@@ -60,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     output = _output(args)
     check_writable(output, [args.recording], force=args.force)
     readings = _readings(args)
-    found = find_presses(readings.frames, readings.saturated, readings.unit or None)
+    found = find_presses(readings.frames, readings.saturated, readings.unit)
     print(f'{sum(len(press.frames) for press in found.touches)} frames used, of {found}')
     with count_progress('fitting', ' fits') as bar:
         calibration = calibrate(found.touches, known, readings.pitch, readings.unit, progress=bar.update)
@@ -69,41 +65,38 @@ def run(args: argparse.Namespace) -> int:
     if abs(calibration.before) > SUSPICIOUS_ERROR:
         print(f'tactile: without calibration the radius would be {100 * calibration.before:+.1f} % off, which is more '
               'than for most skins. A wrong --radius has the same effect: measure the face again.', file=sys.stderr)
-    users = 'to the driver (response_files) or ' if readings.unit else ''
-    print(f'written to {output}. Pass the file {users}to tactile classify (--response).')
+    print(f'written to {output}. Pass the file to the driver (response_files) or to tactile classify (--response).')
     return 0
 
 
 def _output(args: argparse.Namespace) -> str:
     if args.output:
         return str(args.output)
-    if _is_array(args):
+    if _is_archive(args):
         raise ConfigurationError('--output', expected='a file to write', got='none', remedy='Name one.')
     return str(Path(pads_of(args)[0].layout.source).with_suffix(RESPONSE_SUFFIX))
 
 
-def _is_array(args: argparse.Namespace) -> bool:
-    return Path(args.recording).suffix in ('.npy', '.npz')
+def _is_archive(args: argparse.Namespace) -> bool:
+    return Path(args.recording).suffix == '.npz'
 
 
 def _readings(args: argparse.Namespace) -> Readings:
-    readings = _of_array(args) if _is_array(args) else _of_log(args)
+    readings = _of_archive(args.recording) if _is_archive(args) else _of_log(args)
     if not args.gains:
         return readings
     rows, cols = readings.frames.shape[1:]
     return readings._replace(frames=readings.frames * load_gains(args.gains, rows, cols))
 
 
-def _of_array(args: argparse.Namespace) -> Readings:
-    if not args.recording.endswith('.npz'):  # only an .npz archive contains the pitch
-        check_pitch(args.pitch)
-    found = read_frames(args.recording)
-    pitch: float = found.pitch if args.pitch is None else args.pitch  # type: ignore[assignment]  # checked below
-    check_pitch(pitch)
-    if found.values.dtype == bool or found.unit == ON_OFF_UNIT:
-        raise _on_off(args.recording)
-    saturated = np.zeros(found.values.shape, bool) if found.status is None else found.status == TaxelStatus.SATURATED
-    return Readings(subtract_zero(found.values) if found.unit else found.values, saturated, pitch, found.unit or '')
+def _of_archive(path: str) -> Readings:
+    found = read_frames(path)
+    if found.pitch is None or found.unit is None or found.status is None:
+        raise InputError(f'file {path!r}', expected='frames with pitch, unit and status', got='an array without them',
+                         remedy='Give the CAN log, or the .npz that `tactile replay` makes from it.')
+    if found.unit == ON_OFF_UNIT:
+        raise _on_off(path)
+    return Readings(subtract_zero(found.values), found.status == TaxelStatus.SATURATED, found.pitch, found.unit)
 
 
 def _of_log(args: argparse.Namespace) -> Readings:

@@ -2,24 +2,23 @@
 
 import argparse
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from tactile_node.cli.frame_file import TaxelFrames
 from tactile_node.cli.frame_patterns import files, patterns, taxels_known, thresholds
 from tactile_node.cli.progress import show_progress
-from tactile_node.cli.records import KNOWN_COLUMNS, Record, prints, write_records
+from tactile_node.cli.records import Record, write_records
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
 from tactile_node.learning.response import SkinResponse
 from tactile_node.library.contacts import known_response
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import check_pitch
-from tactile_node.pose.outlines import OUTLINES
 from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
-from tactile_node.shape.recognition import LEARNED, VOLF, ShapeClass
+from tactile_node.shape.recognition import LEARNED, VOLF
 
 POSE_NAMES = 'x', 'y', 'angle'
 SIDE_NAMES = 'long', 'short'  #: sides of the smallest rectangle around a contact
@@ -29,10 +28,9 @@ BOX_NAMES = *POSE_NAMES, *SIDE_NAMES
 def write_shapes(args: argparse.Namespace) -> None:
     if args.pitch is not None:
         check_pitch(args.pitch)
-    recogniser = make_recogniser(args.method, {LEARNED: args.weights, VOLF: args.curves}[args.method])
+    recogniser = make_recogniser(args.method, {LEARNED: args.model, VOLF: args.curves}[args.method])
     of_file = _fused if args.fuse else _single
-    write_records((record for path, found in files(args) for record in of_file(path, found, recogniser, args)),
-                  lambda: _columns(recogniser.classes), args)
+    write_records((record for path, found in files(args) for record in of_file(path, found, recogniser, args)), args)
 
 
 def _single(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: argparse.Namespace) -> Iterator[Record]:
@@ -54,7 +52,7 @@ def _fused(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: ar
     stamps, taxels = _stamps(path, frames, args), _taxels(frames, pitch, response)
     pipeline = ContactPipeline(recogniser, thresholds=thresholds(args), fits=bool(pitch),
                                curve=None if response is None else response.curve)
-    for k, frame in enumerate(show_progress(frames.values, path, len(frames.values), prints=prints(args))):
+    for k, frame in enumerate(show_progress(frames.values, path, len(frames.values), prints=args.output is None)):
         result = pipeline.follow(frame, taxels, float(stamps[k]), **taxels_known(frames, k))
         fused = result.fused
         yield {'file': path, 'frame': k, **frames.known_of(k), **fused.recognition.as_json(),
@@ -79,17 +77,6 @@ def _stamps(path: str, found: TaxelFrames, args: argparse.Namespace) -> np.ndarr
 def _geometry(found: TaxelFrames, args: argparse.Namespace) -> tuple[float | None, SkinResponse | None]:
     pitch = found.pitch if args.pitch is None else args.pitch
     return pitch, known_response(args.response or None, found.unit)
-
-
-def _columns(classes: Sequence[ShapeClass]) -> list[str]:
-    """Return the column names of all records, in column order."""
-    dimensions = list(dict.fromkeys(name for outline in OUTLINES.values() for name in outline.dimensions))
-    return [*KNOWN_COLUMNS, 'shape', 'reason', 'doubt', 'confidence',
-            *(f'probabilities.{shape.value}' for shape in classes), 'N', 'contacts', 'held', 'fused_frames', 'hollow',
-            *POSE_NAMES, *(f'dimensions.{name}' for name in dimensions),
-            *(f'sd.{name}' for name in (*POSE_NAMES, *dimensions)), *(f'is_bound.{name}' for name in dimensions),
-            *(f'box.{name}' for name in BOX_NAMES), *(f'box.sd.{name}' for name in BOX_NAMES),
-            *(f'box.is_bound.{name}' for name in SIDE_NAMES)]
 
 
 def _counted(pattern: ContactPattern) -> Record:

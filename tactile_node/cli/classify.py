@@ -13,7 +13,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--method', choices=list(METHOD_FILES), default=DEFAULT_METHOD,
                         help='learned: network on pattern and pressures; volf: method of the paper, on the pattern '
                              'alone (default: %(default)s)')
-    parser.add_argument('--model', '--weights', dest='weights', default='', metavar='FILE',
+    parser.add_argument('--model', default='', metavar='FILE',
                         help='model of --method learned, for example a file of `tactile teach` or `tactile assess` '
                         f'(default: config/{METHOD_FILES[LEARNED]})')
     parser.add_argument('--curves', default='', metavar='FILE',
@@ -47,7 +47,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    for option, file, method in (('--model', args.weights, LEARNED), ('--curves', args.curves, VOLF)):
+    for option, file, method in (('--model', args.model, LEARNED), ('--curves', args.curves, VOLF)):
         if file and args.method != method:
             raise ConfigurationError(option, expected=f'--method {method}, which reads this file', got=args.method,
                                      remedy=f'Omit {option}, or give --method {method}.')

@@ -1,7 +1,6 @@
 """Read and write files with the taxel frames of one pad: .npy, .npz (as `tactile replay` writes it), .csv and .png."""
 
 import io
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -129,7 +128,7 @@ def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
     Parameters
     ----------
     path
-        Path of the file, or '-' for standard input.
+        Path of the file.
     greys
         Taxel values of black and white pixels in a picture.
 
@@ -139,17 +138,17 @@ def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
         Raised if the file cannot be read or contains no taxel frames.
     """
     if is_bag(path):
-        raise InputError(_name(path), expected='taxel frames in an .npy, .npz, .csv or .png file', got='a ROS 2 bag',
-                         remedy='Convert it with `tactile replay BAG --output frames.npz`.')
+        raise InputError(f'file {path!r}', expected='taxel frames in an .npy, .npz, .csv or .png file',
+                         got='a ROS 2 bag', remedy='Convert it with `tactile replay BAG --output frames.npz`.')
     content = _content(path)
     if not content:
         raise _unusable(path, 'nothing')
     found = next((kind for magic, kind in FORMAT_MAGIC.items() if content.startswith(magic)), 'csv')
     kind = FORMATS.get(Path(path).suffix.lower(), found)
     if kind == 'csv':
-        return TaxelFrames(read_text(content, _name(path)))
+        return TaxelFrames(read_text(content, f'file {path!r}'))
     if kind == 'png':
-        return TaxelFrames(read_png(content, _name(path), greys)[np.newaxis])
+        return TaxelFrames(read_png(content, f'file {path!r}', greys)[np.newaxis])
     if kind != found:
         raise _unusable(path, 'content in another format')
     if kind == 'npy':
@@ -186,7 +185,7 @@ def write_archive(stream: BinaryIO, frames: Sequence[TaxelFrame], shape: tuple[i
 
 def _content(path: str) -> bytes:
     try:
-        return sys.stdin.buffer.read() if path == '-' else Path(path).read_bytes()
+        return Path(path).read_bytes()
     except OSError as error:
         raise _unusable(path, error.strerror or str(error)) from None
     except MemoryError:
@@ -282,10 +281,6 @@ def _frames(path: str, array: np.ndarray) -> np.ndarray:
     return frames
 
 
-def _name(path: str) -> str:
-    return 'standard input' if path == '-' else f'file {path!r}'
-
-
 def _unusable(path: str, got: str) -> InputError:
-    return InputError(_name(path), expected='taxel frames (K, rows, cols) or (rows, cols), bool, integer or float',
+    return InputError(f'file {path!r}', expected='taxel frames (K, rows, cols) or (rows, cols), bool, integer or float',
                       got=got, remedy=FILE_REMEDY)

@@ -9,12 +9,12 @@ import numpy as np
 from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.frame_png import Greys
 from tactile_node.cli.progress import show_progress
-from tactile_node.cli.records import KNOWN_COLUMNS, Record, flatten, prints, write_records
+from tactile_node.cli.records import Record, write_records
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, PressThresholds
 from tactile_node.contact.unit_scale import UnitScale
 from tactile_node.errors import InputError
-from tactile_node.helmholtz.features import Group, compute_features
+from tactile_node.helmholtz.features import compute_features
 from tactile_node.library.contacts import check_values
 from tactile_node.taxel_frame import TaxelStatus
 
@@ -67,7 +67,7 @@ def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest
         True to keep only the largest contact in a bool frame, False to keep all active taxels.
     """
     extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=largest)
-    for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=prints(args))):
+    for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=args.output is None)):
         yield extractor.extract(frame, **taxels_known(found, k))
 
 
@@ -91,7 +91,7 @@ def thresholds(args: argparse.Namespace) -> PressThresholds | None:
 
 
 def write_features(args: argparse.Namespace) -> None:
-    write_records(_records(args), lambda: _columns(args.groups), args)
+    write_records(_records(args), args)
 
 
 def _records(args: argparse.Namespace) -> Iterator[Record]:
@@ -99,8 +99,3 @@ def _records(args: argparse.Namespace) -> Iterator[Record]:
         for k, pattern in enumerate(patterns(path, found, args, largest=args.largest_contact)):
             yield {'file': path, 'frame': k, **found.known_of(k),
                    **compute_features(pattern.mask, args.groups).as_json()}
-
-
-def _columns(wanted: Group) -> list[str]:
-    """Return the column names of a sample pattern, because the names must not depend on the first frame."""
-    return [*KNOWN_COLUMNS, *flatten(compute_features(np.ones((2, 2), bool), wanted).as_json())]

@@ -34,10 +34,9 @@ class PlayedLog(NamedTuple):
                 for pad in self.source.facts().pads if not pad.tpdos_used]
 
 
-def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = None, channel: str = '',
-             any_device: bool = False, window: TimeWindow = WHOLE, keep: bool = True,
-             must_be_used: bool = False) -> PlayedLog:
-    """Play a CAN log, and report unreadable parts on stderr.
+def play_log(path: str, pads: tuple[PadSettings, ...], *, channel: str = '', any_device: bool = False,
+             window: TimeWindow = WHOLE, keep: bool = True, must_be_used: bool = False) -> PlayedLog:
+    """Play a CAN log as fast as possible, and report unreadable parts on stderr.
 
     Parameters
     ----------
@@ -45,8 +44,6 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
         Path of the log.
     pads
         Pads whose taxel frames are assembled.
-    pace
-        1.0 for the recorded pace, 2.0 for twice as fast, or None for as fast as possible.
     channel
         Bus to play if the log contains several buses, as named in the log.
     any_device
@@ -74,7 +71,7 @@ def play_log(path: str, pads: tuple[PadSettings, ...], *, pace: float | None = N
             if keep:
                 frames[name].append(frame)
 
-        source = LogSource(path, pads, on_frame, pace=pace, channel=channel, any_device=any_device, window=window)
+        source = LogSource(path, pads, on_frame, pace=None, channel=channel, any_device=any_device, window=window)
         source.play(stop_requested)
     for line in damage_lines(source.reader.damages):
         print(line, file=sys.stderr)

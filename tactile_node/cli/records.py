@@ -1,11 +1,9 @@
-"""Write one result per frame as JSON lines or CSV, to standard output or to a file."""
+"""Write one result per frame as JSON lines, to standard output or to a file."""
 
 import argparse
-import csv
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Iterable
 
 from tactile_node.cli.frame_png import DEFAULT_GREYS
 from tactile_node.cli.options import add_output_option
@@ -14,68 +12,21 @@ from tactile_node.output_file import check_writable, output_file
 from tactile_node.taxel_frame import PRESS_BY_UNIT
 
 Record = dict
-JSON, CSV = 'json', 'csv'
-KNOWN_COLUMNS = 'file', 'frame', 'pad', 'stamp', 'sequence'  #: columns that precede the results
 
 
-def prints(args: argparse.Namespace) -> bool:
-    """Return True if the results go to standard output."""
-    return args.output is None or args.output == '-'
+def write_records(records: Iterable[Record], args: argparse.Namespace) -> None:
+    """Write records, one per frame, to the output selected by the options.
 
-
-def write_records(records: Iterable[Record], columns: Callable[[], Sequence[str]], args: argparse.Namespace) -> None:
-    """Write records to the output selected by the options.
-
-    Parameters
-    ----------
-    records
-        Results, one record per frame.
-    columns
-        Function that returns the column names, called only for CSV.
-    args
-        Options of the command: format, output and input files. Input files are never overwritten.
+    ``args`` contains the output and the input files. Input files are never overwritten.
     """
-    lines = _json_lines(records) if args.format == JSON else _csv_lines(records, columns())
-    if prints(args):
+    lines = (json.dumps(record, allow_nan=False) + '\n' for record in records)
+    if args.output is None:
         for line in lines:  # one line at a time, so that a pipe receives each result immediately
             sys.stdout.write(line)
         return
-    inputs = [path for path in args.frames if path != '-']
-    check_writable(args.output, inputs, force=args.force)
-    with output_file(args.output, inputs) as stream:
+    check_writable(args.output, args.frames, force=args.force)
+    with output_file(args.output, args.frames) as stream:
         stream.writelines(map(str.encode, lines))
-
-
-def flatten(record: Record, above: str = '') -> Record:
-    """Return a flat copy of the record, with nested names joined by dots.
-
-    >>> flatten({'x': 1, 'sd': {'x': 0.1}})
-    {'x': 1, 'sd.x': 0.1}
-    """
-    flat: Record = {}
-    for name, value in record.items():
-        flat |= flatten(value, f'{above}{name}.') if isinstance(value, dict) else {above + name: value}
-    return flat
-
-
-def _json_lines(records: Iterable[Record]) -> Iterator[str]:
-    return (json.dumps(record, allow_nan=False) + '\n' for record in records)
-
-
-def _csv_lines(records: Iterable[Record], columns: Sequence[str]) -> Iterator[str]:
-    """Yield CSV lines. An unknown column in a record raises ValueError, so that no value is lost."""
-    # the methods of a csv writer return the result of `_Line.write`
-    writer: Any = csv.DictWriter(_Line(), columns, lineterminator='\n')
-    header = writer.writeheader()
-    for record in records:
-        yield header + writer.writerow(flatten(record))
-        header = ''
-    yield header
-
-
-class _Line:
-    def write(self, text: str) -> str:
-        return text
 
 
 FORMATS_HELP = (
@@ -87,13 +38,9 @@ FORMATS_HELP = (
 
 def add_array_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options for the input, the output and the thresholds."""
-    parser.add_argument('frames', nargs='*', default=['-'], metavar='FILE',
-                        help=f'{FORMATS_HELP}. "-" or no FILE: standard input. Each file holds the frames of one pad, '
-                             'in chronological order')
+    parser.add_argument('frames', nargs='+', metavar='FILE',
+                        help=f'{FORMATS_HELP}. Each file holds the frames of one pad, in chronological order')
     add_output_option(parser, metavar='FILE', help='file to write (default: standard output)')
-    parser.add_argument('--format', choices=(JSON, CSV), default=JSON,
-                        help='json: one object per line. csv: a header line, then one line per frame; nested names are '
-                             'joined by a dot, and an empty cell means null (default: %(default)s)')
     parser.add_argument('--unit', choices=list(PRESS_BY_UNIT),
                         help='unit of the values (1: on/off). An .npz file has its own unit. Without a unit, the noise '
                              'alone decides which taxels are pressed')

@@ -5,21 +5,17 @@ of topics, the command takes the taxel frames that the driver has published.
 """
 
 import argparse
-import io
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import BinaryIO, TextIO
-
-import numpy as np
+from typing import BinaryIO
 
 from tactile_node.bus.bus_settings import DEFAULT_LAYOUT
 from tactile_node.cli.bag_frames import RecordedPad, read_bag
 from tactile_node.cli.frame_file import write_archive
 from tactile_node.cli.options import (
     add_log_options,
-    add_number,
     add_output_option,
     add_pads_option,
     add_window_options,
@@ -40,13 +36,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                         'Or a bag of the topics <pad>/taxels; the pads and their geometry are then those of the bag')
     add_log_options(parser)
     add_pads_option(parser)
-    add_number(parser, '--pace', limits={'remedy': '1 is the recorded pace, 0 as fast as possible.'}, default=0.0,
-               help='1: recorded pace, 2: twice as fast, 0: as fast as possible (default: %(default)s)')
     add_window_options(parser)
-    add_output_option(parser, metavar='FILE', help='file for the taxel frames. .npz: values (K, rows, cols), NaN = '
-                        'invalid, with stamps, sequence, status, pad, pitch and unit; .npy: only the values. "-" '
-                        'writes .npy to standard output, for one pad only. With several pads, each pad gets its own '
-                        'file, with the name of the pad at the end (FILE_pad32)')
+    add_output_option(parser, metavar='FILE', help='.npz file for the taxel frames: values (K, rows, cols), NaN = '
+                        'invalid, with stamps, sequence, status, pad, pitch and unit. With several pads, each pad gets '
+                        'its own file, with the name of the pad at the end (FILE_pad32)')
     parser.epilog = (f'The exit code is {UNREAD_EXIT} if a part of the log could not be read; the output then holds '
                      'the rest.')
 
@@ -66,14 +59,14 @@ def run(args: argparse.Namespace) -> int:
 def _play_log(args: argparse.Namespace) -> int:
     pads = pads_of(args, args.pads)
     with _opened(args, [pad.name for pad in pads]) as outputs:
-        played = play_log(args.log, pads, pace=args.pace or None, channel=args.channel, any_device=args.any_device,
+        played = play_log(args.log, pads, channel=args.channel, any_device=args.any_device,
                           window=window_of(args), keep=bool(outputs))
         for pad in pads if outputs else ():
             layout = pad.layout
             found = RecordedPad((layout.rows, layout.cols), layout.pitch, layout.value.unit, played.frames[pad.name])
-            outputs[pad.name].write(_as_file(found, pad.name, is_archive=_is_archive(args.output)))
+            _write(outputs[pad.name], found, pad.name)
     facts = played.source.facts()
-    print(summary(facts), file=_report_stream(args))
+    print(summary(facts))
     for error in played.unused:
         print(error, file=sys.stderr)
     if further := played.source.heard.further_pads():
@@ -87,7 +80,7 @@ def _play_log(args: argparse.Namespace) -> int:
 
 def _convert_bag(args: argparse.Namespace) -> int:
     ignored = {'--node-id': args.node_id, '--layout': args.layout != DEFAULT_LAYOUT, '--channel': args.channel,
-               '--any-device': args.any_device, '--pace': args.pace}
+               '--any-device': args.any_device}
     if given := [option for option, is_given in ignored.items() if is_given]:
         raise ConfigurationError('tactile replay', got=', '.join(given), remedy='Leave them out.',
                                  expected='for a bag of topics only --pads, --start, --duration, --output and --force')
@@ -95,9 +88,9 @@ def _convert_bag(args: argparse.Namespace) -> int:
     with _opened(args, recording.pads) as outputs:
         pads = read_bag(recording)
         for name, stream in outputs.items():
-            stream.write(_as_file(pads[name], name, is_archive=_is_archive(args.output)))
+            _write(stream, pads[name], name)
     for name, found in pads.items():
-        print(f'{name}: {found.summary}', file=_report_stream(args))
+        print(f'{name}: {found.summary}')
     return UNREAD_EXIT if recording.unread else 0
 
 
@@ -105,51 +98,24 @@ def _convert_bag(args: argparse.Namespace) -> int:
 def _opened(args: argparse.Namespace, names: Sequence[str]) -> Iterator[dict[str, BinaryIO]]:
     """Open the output of each pad. Files are opened before the recording is read, to report unwritable files early."""
     paths = _outputs(args.output, names)
-    for path in filter(None, paths.values()):
+    for path in paths.values():
         check_writable(path, [args.log], force=args.force)
     with ExitStack() as stack:
-        yield {name: stack.enter_context(output_file(path, [args.log]) if path else _standard_output())
-               for name, path in paths.items()}
+        yield {name: stack.enter_context(output_file(path, [args.log])) for name, path in paths.items()}
 
 
-def _report_stream(args: argparse.Namespace) -> TextIO:
-    return sys.stderr if args.output == '-' else sys.stdout
+def _write(stream: BinaryIO, found: RecordedPad, pad: str) -> None:
+    write_archive(stream, found.frames, found.shape, pad=pad, pitch=found.pitch, unit=found.unit)
 
 
-def _as_file(found: RecordedPad, pad: str, *, is_archive: bool) -> bytes:
-    """Return the content of the output file, built in memory because NumPy needs to seek and a pipe cannot seek."""
-    stream = io.BytesIO()
-    if is_archive:
-        write_archive(stream, found.frames, found.shape, pad=pad, pitch=found.pitch, unit=found.unit)
-    else:
-        np.save(stream, np.array([frame.values for frame in found.frames], np.float32).reshape(-1, *found.shape))
-    return stream.getvalue()
-
-
-def _is_archive(output: str) -> bool:
-    """Return True if ``output`` is an .npz file. Raises ConfigurationError for a suffix other than .npz or .npy."""
-    suffix = Path(output).suffix.lower()
-    if suffix not in ('', '.npy', '.npz'):
-        raise ConfigurationError(f'--output {output}', expected='an .npz file (with stamps) or an .npy file',
-                                 got=suffix, remedy='Name another file.')
-    return suffix == '.npz'
-
-
-def _outputs(output: str | None, names: Sequence[str]) -> dict[str, Path | None]:
-    """Return the output files by pad name, with None for standard output."""
+def _outputs(output: str | None, names: Sequence[str]) -> dict[str, Path]:
+    """Return the output files by pad name. Raises ConfigurationError for a suffix other than .npz."""
     if output is None:
         return {}
-    if output == '-':
-        if len(names) > 1:
-            raise ConfigurationError('--output -', expected='one pad', got=f'{len(names)} pads',
-                                     remedy='Name a file, because each pad gets its own file.')
-        return {names[0]: None}
-    _is_archive(output)
     path = Path(output)
+    if path.suffix.lower() != '.npz':
+        raise ConfigurationError(f'--output {output}', expected='an .npz file', got=path.suffix or 'no suffix',
+                                 remedy='Name another file.')
     if len(names) == 1:
         return {names[0]: path}
     return {name: path.with_name(f'{path.stem}_{name.replace("/", "_")}{path.suffix}') for name in names}
-
-
-def _standard_output() -> BinaryIO:
-    return open(sys.stdout.fileno(), 'wb', closefd=False)

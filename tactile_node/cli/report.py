@@ -41,9 +41,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_any_device_option(parser)
     add_window_options(parser)
     add_model_option(parser)
-    parser.epilog = ('The options for layouts, node-IDs, names, EDS and channel apply to CAN frames; the taxel arrays '
-                     'in a bag need none of them. The command prints the path of the page and the problems that it '
-                     'found. The exit code is 0 if the page was written, even if it lists problems.')
+    parser.epilog = ('The options for layouts, node-IDs, names, EDS, channel and bit rate apply to CAN frames; the '
+                     'taxel arrays in a bag need none of them. The command prints the path of the page and the '
+                     'problems that it found. The exit code is 0 if the page was written, even if it lists problems.')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -65,8 +65,8 @@ def _counted(number: int, noun: str, plural: str = '') -> str:
 
 def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> BagReporter | LogReporter:
     if holds_taxels(args.log):
-        return BagReporter(BagRecording(args.log, window=window_of(args)), channel=args.channel, bit_rate=args.bitrate,
-                           recogniser=recogniser_of(args), on_message=on_message)
+        return BagReporter(BagRecording(args.log, window=window_of(args)), recogniser=recogniser_of(args),
+                           on_message=on_message)
     log = LogRecording(args.log, pads_of(args, args.pads), args.channel, args.any_device, window_of(args),
                        eds_of(args))
     return LogReporter(log, bit_rate=args.bitrate, recogniser=recogniser_of(args), on_message=on_message)

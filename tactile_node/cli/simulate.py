@@ -10,84 +10,21 @@ import argparse
 import gc
 import json
 import signal
-from pathlib import Path
 
 import can
-import numpy as np
 
 from tactile_node.bus.open_bus import open_bus
 from tactile_node.cli.options import add_bus_options, add_number, add_skin_options, live_pads_of
-from tactile_node.errors import InputError
 from tactile_node.interruption import interruption
 from tactile_node.simulator.device import TaxelSource
-from tactile_node.simulator.figures import MOST_SIDE, NAMED, Silhouette, named_silhouette, silhouette_of
+from tactile_node.simulator.figures import NAMED
 from tactile_node.simulator.skin_simulator import SkinSimulator, WireSettings
 from tactile_node.simulator.slcan_pty import SlcanPty
-from tactile_node.simulator.touches import TAXEL_NOISE, TOUCH_HOLD, TOUCH_PAUSE, gripper_sources
+from tactile_node.simulator.touches import TOUCH_HOLD, TOUCH_PAUSE, gripper_sources
 from tactile_node.simulator.world import CLASSES
 from tactile_node.skin.pads import PadSettings
 
-DARK_GREY = 128  #: pixels with a lower grey value belong to the silhouette
-
-
-def read_shape(text: str) -> str | Silhouette:
-    """Return the shape that touches the skin.
-
-    Parameters
-    ----------
-    text
-        Name of a shape class, name of a built-in silhouette, or path of a picture or bool .npy file.
-
-    Returns
-    -------
-    str or Silhouette
-        Name of the shape class, or the silhouette.
-
-    Raises
-    ------
-    InputError
-        Raised if ``text`` is not a known name or an existing file, or if the file cannot be used.
-    """
-    if text in CLASSES:
-        return text
-    if text in NAMED:
-        return named_silhouette(text)
-    path = Path(text)
-    if not path.is_file():
-        raise InputError('--shapes', expected=f'{", ".join((*CLASSES, *NAMED))}, or a picture', got=repr(text),
-                         remedy='Give one of these names, or the path of a picture (dark on white) or bool .npy file.')
-    return silhouette_of(path.stem, _array(path) if path.suffix == '.npy' else _picture(path))
-
-
-def _array(path: Path) -> np.ndarray:
-    try:
-        array = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise _unusable(path, ' '.join(str(error).split())) from None
-    if not isinstance(array, np.ndarray) or array.dtype.kind not in 'biu':
-        raise _unusable(path, 'another kind of array')
-    return array != 0
-
-
-def _picture(path: Path) -> np.ndarray:
-    from PIL import Image, UnidentifiedImageError  # optional
-
-    try:
-        with Image.open(path) as picture:
-            if max(picture.size) > MOST_SIDE:
-                raise _unusable(path, f'{picture.width} x {picture.height}')
-            return np.asarray(picture.convert('L')) < DARK_GREY
-    except (OSError, UnidentifiedImageError, ValueError, SyntaxError) as error:
-        raise _unusable(path, ' '.join(str(error).split())) from None
-
-
-def _unusable(path: Path, got: str) -> InputError:
-    return InputError(f'picture {str(path)!r}', expected=f'a picture, dark on white, up to {MOST_SIDE} x {MOST_SIDE}, '
-                      'or a bool .npy array', got=got, remedy='Save the picture as .png.')
-
-
 MOST_DELAY = 1.0  #: maximum value of --delay, --jitter and --batch [s]
-MOST_SLIDE = 1.0  #: highest --slide [m/s]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -98,8 +35,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                         'uses is not replaced')
     _add_wire_options(parser)
     add_skin_options(parser)
-    parser.add_argument('--shapes', nargs='+', default=CLASSES, metavar='SHAPE', help='shapes that touch the pads: '
-                        f'{", ".join((*CLASSES, *NAMED))}, or a picture file, dark on white (default: the first five)')
+    parser.add_argument('--shapes', nargs='+', default=CLASSES, choices=(*CLASSES, *NAMED), metavar='SHAPE',
+                        help='shapes that touch the pads: %(choices)s (default: the first five)')
     add_number(parser, '--areas', limits={'above': 0}, nargs='+', default=(), metavar='TAXELS',
                help='areas of the contacts [taxels] (default: 40 60 80, and less on a pad with fewer than 16 rows or '
                'columns)')
@@ -107,15 +44,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                'shape and area, each at a different place and angle, before the sequence repeats (default: '
                '%(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='seed of the random touches (default: %(default)s)')
-    add_number(parser, '--noise', limits={'most': 1}, metavar='SD', help='standard deviation of the noise of each '
-               f'taxel, as a fraction of full scale (default: {TAXEL_NOISE}, or less if an untouched pad would seem '
-               'pressed with this noise)')
     add_number(parser, '--hold', limits={'above': 0, 'unit': 's'}, default=TOUCH_HOLD, metavar='SECONDS',
                help='duration of each contact [s] (default: %(default)s)')
     add_number(parser, '--pause', limits={'unit': 's'}, default=TOUCH_PAUSE, metavar='SECONDS',
                help='pause between two contacts [s] (default: %(default)s, long enough for `tactile tare`)')
-    add_number(parser, '--slide', limits={'most': MOST_SLIDE, 'unit': 'm/s'}, default=0.0, metavar='SPEED',
-               help='speed at which a held contact slides back and forth [m/s], for example 0.002 (default: 0)')
     parser.add_argument('--duration', type=float, help='end after this time [s] (default: end at Ctrl-C)')
 
 
@@ -186,6 +118,5 @@ def _open(args: argparse.Namespace) -> tuple[can.BusABC, str]:
 
 
 def _sources(args: argparse.Namespace, pads: tuple[PadSettings, ...]) -> dict[str, TaxelSource]:
-    return gripper_sources(pads, [read_shape(shape) for shape in args.shapes], args.seed,
-                           tuple(args.areas), rounds=args.rounds, hold=args.hold, pause=args.pause, slide=args.slide,
-                           noise=args.noise)
+    return gripper_sources(pads, args.shapes, args.seed, tuple(args.areas), rounds=args.rounds, hold=args.hold,
+                           pause=args.pause)

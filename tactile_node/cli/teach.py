@@ -25,9 +25,9 @@ from tactile_node.cli.options import (
 )
 from tactile_node.cli.progress import count_progress
 from tactile_node.cli.touch_sources import OfLastName, touches_of
-from tactile_node.errors import InputError
+from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.head_fit import load_background
-from tactile_node.learning.taught_file import NO_EXAMPLES, Examples, check_name, examples_in, examples_of, write_taught
+from tactile_node.learning.taught_file import NO_EXAMPLES, Examples, check_name, examples_of, write_taught
 from tactile_node.learning.teach import (
     LEAST_RIGHT,
     LEAST_TOUCHES,
@@ -58,7 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                         'Without --from, the command records the touches live from the bus')
     add_output_option(parser, required=True, metavar='FILE', help='.npz file to write')
     parser.add_argument('--model', default=METHOD_FILES[LEARNED], metavar='FILE',
-                        help='model to which the command adds the shapes; the shapes in the model are kept (default: '
+                        help='model without taught shapes, to which the command adds the shapes (default: '
                         'config/%(default)s)')
     add_number(parser, '--touches', int,
                limits={'least': LEAST_TOUCHES, 'remedy': f'{DEFAULT_TOUCHES} is a good number.'},
@@ -81,8 +81,10 @@ def run(args: argparse.Namespace) -> int:
     """
     model = config_path(args.model)
     recogniser, base = ShapeRecogniser.from_file(model), read_arrays(model)
-    before = [shape.value for shape in recogniser.classes if isinstance(shape, TaughtShape)]
-    names = list(before)
+    if taught_before := [shape.value for shape in recogniser.classes if isinstance(shape, TaughtShape)]:
+        raise ConfigurationError('--model', expected='a model without taught shapes', got=', '.join(taught_before),
+                                 remedy='Teach all shapes of a file in one run, with --name and --from for each.')
+    names: list[str] = []
     for name in args.name:
         check_name(name, names)
         names.append(name)
@@ -94,8 +96,8 @@ def run(args: argparse.Namespace) -> int:
     inputs = [model, *sum(args.sources.values(), [])]
     for path in (args.output, *_pictures(args.picture)):
         check_writable(path, inputs, force=args.force)
-    examples = {kind: examples_in(base, kind, len(before)) for kind in KINDS}
-    for name in args.name:
+    examples: dict[str, list[Examples]] = {kind: [] for kind in KINDS}
+    for name in names:
         kind, found = _record(name, args)
         for shapes in examples.values():
             shapes.append(found if shapes is examples[kind] else NO_EXAMPLES)
@@ -111,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
               'larger contact. With --accept-poor, the command writes the file nevertheless.', file=sys.stderr)
         return REFUSED_CODE
     with output_file(args.output, inputs=inputs) as stream:
-        write_taught(stream, base, names, {kind: result.head for kind, result in taught.items()}, examples)
+        write_taught(stream, base, names, {kind: result.head for kind, result in taught.items()})
     print(f'Written to {args.output}. Give this file to the classifier node (model:=) or to tactile classify '
           '(--model).')
     return 0

@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
-from tactile_node.learning.skin_measures import with_even_gains
 from tactile_node.learning.teach import Rate
-from tactile_node.learning.touches import TouchFrame
 from tactile_node.shape.adaptation import LEAST_PROBABILITY, Adaptation
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.patch import joined, make_patch
@@ -188,27 +186,6 @@ def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Ass
     improvement = Improvement.of(before, after)
     return Assessment(before, after, improvement, examples.kind,
                       examples.fitted() if improvement.is_worth_it else None)
-
-
-def with_and_without_gains(recogniser: ShapeRecogniser, labels: Sequence[ShapeClass],
-                           frames: Sequence[TouchFrame]) -> tuple[Answers, Answers]:
-    """Return the answers to the readings as they are, and to the readings with even gains (`with_even_gains`).
-
-    Both answers find the contact in each frame alone.
-
-    Parameters
-    ----------
-    recogniser : ShapeRecogniser
-        Recogniser to assess.
-    labels : Sequence[ShapeClass]
-        Class of each touched object.
-    frames : Sequence[TouchFrame]
-        One frame of each touch, with pressures.
-    """
-    def answers(readings: Sequence[np.ndarray]) -> Answers:
-        touches = [LabelledTouch(label, PatternExtractor().extract(of)) for label, of in zip(labels, readings)]
-        return Answers(labels, _answers(recogniser, touches))
-    return answers([frame.reading for frame in frames]), answers(with_even_gains(frames))
 
 
 def _answers(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> list[Recognition]:

@@ -54,34 +54,13 @@ def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background
         data = read_arrays(config_path(str(path)))
         packed, unseen, labels = (data[f'{kind}_{name}'] for name in ('levels', 'unseen', 'labels'))
         levels = np.stack((packed >> 4, packed & 15), -1).reshape(-1, SIDE, SIDE) / np.float32(LEVEL_FRACTIONS)
-        return Background(unpack_patches(levels, unseen, data[f'{kind}_scales'], kind), labels.astype(int))
+        cells = np.unpackbits(unseen, axis=1)[:, :SIDE * SIDE].reshape(-1, SIDE, SIDE).astype(np.float32)
+        patches = [Patch(level, cell, float(scale), graded=kind == 'graded')
+                   for level, cell, scale in zip(levels, cells, data[f'{kind}_scales'], strict=True)]
+        return Background(patches, labels.astype(int))
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise ConfigurationError(f'background, {path}', expected='a file written by training/background.py',
                                  got=' '.join(str(error).split()), remedy='Install the package again.') from None
-
-
-def unpack_patches(levels: np.ndarray, unseen: np.ndarray, scales: np.ndarray, kind: str) -> list[Patch]:
-    """Return patches from their stored arrays.
-
-    Parameters
-    ----------
-    levels : np.ndarray
-        (K, SIDE, SIDE).
-    unseen : np.ndarray
-        Unseen cells as packed bits.
-    scales : np.ndarray
-        (K,).
-    kind : str
-        'graded' or 'on_off'.
-
-    Raises
-    ------
-    ValueError
-        Raised if the arrays have different lengths.
-    """
-    cells = np.unpackbits(unseen, axis=1)[:, :SIDE * SIDE].reshape(-1, SIDE, SIDE).astype(np.float32)
-    return [Patch(level, cell, float(scale), graded=kind == 'graded')
-            for level, cell, scale in zip(levels, cells, scales, strict=True)]
 
 
 #: Penalty on the weights. The constants from RIDGE_WEIGHT to LARGER_SIZE were chosen on validation touches.

@@ -22,7 +22,7 @@ WRITTEN_DIGITS = 6                 #: Number of significant digits in the file.
 class SkinResponse(NamedTuple):
     """Response of all taxels of a skin."""
 
-    unit: str  #: unit of readings and pressures: 'Pa' or 'N'; '' for an array without a unit
+    unit: str  #: unit of readings and pressures: 'Pa' or 'N'
     layer: Layer
     curve: ResponseCurve
 
@@ -30,7 +30,7 @@ class SkinResponse(NamedTuple):
 def load_response(path: str | Path) -> SkinResponse:
     """Read a response file, or raise a ConfigurationError that names the file and the faulty key."""
     top = load_mapping(Path(path), 'a skin response')
-    unit = top.read('unit', OneOf(('Pa', 'N', '')))
+    unit = top.read('unit', OneOf(('Pa', 'N')))
     section, nodes = top.section('layer'), top.section('curve')
     layer = Layer(*(section.read(key, Number(positive=True)) for key in ('depth', 'deviation')))
     section.done()

@@ -49,33 +49,6 @@ def measure_skin(frames: Sequence[TouchFrame]) -> SkinMeasures:
     return SkinMeasures(_median(np.array(noise)), gains, _median(np.array(halo)))
 
 
-def with_even_gains(frames: Sequence[TouchFrame]) -> list[np.ndarray]:
-    """Return the readings of each frame above the level at rest, divided by the gains that the other frames show.
-
-    A frame does not contribute to its own gains, because its own deviations include more than the gains. The gain of a
-    taxel that is seldom touched is shrunk towards 1, because the gain is uncertain.
-
-    Here, the gain is the sensitivity of a taxel. The driver's gain is its reciprocal, and multiplies the reading.
-
-    Parameters
-    ----------
-    frames : Sequence[TouchFrame]
-        One frame of each touch, with pressures. `measure_skin` must have found a spread of the gains above 0.
-
-    Returns
-    -------
-    list[np.ndarray]
-        Readings with even gains, (rows, cols) each.
-    """
-    residuals = np.array([_residual(frame) for frame in frames])
-    fixed, changing = fixed_part(by_place(list(residuals)))
-    known, sums = np.isfinite(residuals), np.nan_to_num(residuals)
-    others = known.sum(0) - known
-    # the posterior mean, if the log gains and the changing deviations are normally distributed
-    log_gains = (sums.sum(0) - sums) / np.maximum(others + (changing / fixed) ** 2, 1)
-    return [_raised(frame) / np.exp(of_frame) for frame, of_frame in zip(frames, log_gains)]
-
-
 def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
     """Return how far the logarithm of each reading in a contact deviates from that of its neighbours.
 

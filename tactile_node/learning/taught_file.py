@@ -1,6 +1,6 @@
-"""Read and write the file of taught shapes.
+"""Write the file of taught shapes, from the examples of each shape.
 
-The file contains the unchanged arrays of the base, the heads, and the examples needed to teach more shapes.
+The file contains the unchanged arrays of the base, and the heads.
 
 The file is an .npz file without pickled objects. `ShapeRecogniser.from_file` loads the file instead of the base.
 """
@@ -15,9 +15,8 @@ from tactile_node.contact.neighbours import grown
 from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import are_on_off
 from tactile_node.errors import ConfigurationError
-from tactile_node.learning.head_fit import unpack_patches
 from tactile_node.learning.touches import Touch, TouchFrame
-from tactile_node.shape.patch import HIGHEST_LEVEL, SIDE, Patch, joined, make_patch
+from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.steepest_outline import steepest_outline
 from tactile_node.shape.taught import HEAD_PARTS, HEAD_VERSION, MOST_TAUGHT, Head, digest_of, is_name, is_own
 
@@ -106,7 +105,6 @@ def _patch_of(values: np.ndarray, mask: np.ndarray) -> Patch:
     return make_patch(values, steepest_outline(values, mask))
 
 
-LEVEL_STEPS = 255 / HIGHEST_LEVEL  #: Levels are stored as whole multiples of 1 / LEVEL_STEPS, as in training.
 NO_EXAMPLES = Examples([], np.zeros(0, int), np.zeros(0, bool))
 
 
@@ -117,14 +115,14 @@ def check_name(name: str, known: Sequence[str] = ()) -> None:
                                  got=repr(name), remedy='Use at most 32 of the characters a-z, 0-9 and _.')
     if name in known:
         raise ConfigurationError('--name', expected='a name that has not been taught yet', got=repr(name),
-                                 remedy='Choose another name, or start from a --model file without this name.')
+                                 remedy='Give each shape its own name.')
     if len(known) >= MOST_TAUGHT:
         raise ConfigurationError('--name', expected=f'at most {MOST_TAUGHT} taught shapes', got='one more',
-                                 remedy='Start from a --model file with fewer taught shapes.')
+                                 remedy='Teach fewer shapes.')
 
 
-def write_taught(stream: BinaryIO, base: Mapping[str, np.ndarray], names: Sequence[str], heads: Mapping[str, Head],
-                 examples: Mapping[str, Sequence[Examples]]) -> None:
+def write_taught(stream: BinaryIO, base: Mapping[str, np.ndarray], names: Sequence[str],
+                 heads: Mapping[str, Head]) -> None:
     """Write the file of taught shapes.
 
     Parameters
@@ -137,63 +135,10 @@ def write_taught(stream: BinaryIO, base: Mapping[str, np.ndarray], names: Sequen
         Names of the taught shapes.
     heads : mapping of str to Head
         Head for each kind of frame.
-    examples : mapping of str to sequence of Examples
-        Examples of each shape for each kind of frame.
     """
     arrays = {name: array for name, array in base.items() if not is_own(name)}
     arrays |= {'taught_version': np.array(HEAD_VERSION), 'taught_names': np.array(names),
                'taught_base': np.array(digest_of(arrays))}
     for kind, head in heads.items():
         arrays |= {f'{kind}_taught_{part}': array for part, array in zip(HEAD_PARTS, head)}
-        arrays |= {f'{kind}_touch_{name}': array for name, array in _packed(examples[kind]).items()}
     np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
-
-
-def examples_in(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[Examples]:
-    """Return the examples of each taught shape from the arrays of a file.
-
-    Parameters
-    ----------
-    data : mapping of str to np.ndarray
-        Arrays of the file.
-    kind : str
-        'graded' or 'on_off'.
-    shapes : int
-        Number of taught shapes.
-
-    Raises
-    ------
-    ConfigurationError
-        Raised if the arrays do not come from a file of taught shapes.
-    """
-    has_head = f'{kind}_taught_{HEAD_PARTS[0]}' in data
-    if f'{kind}_touch_levels' not in data and not has_head:
-        return [NO_EXAMPLES] * shapes
-    try:  # a head without its examples could not be fitted again, and its shapes would be lost
-        return _unpacked(data, kind, shapes)
-    except (KeyError, ValueError, TypeError, IndexError) as error:
-        raise ConfigurationError('examples of taught shapes', expected='the examples that `tactile teach` writes',
-                                 got=' '.join(str(error).split()), remedy='Start from another --model file.') from None
-
-
-def _packed(shapes: Sequence[Examples]) -> dict[str, np.ndarray]:
-    patches = [patch for each in shapes for patch in each.patches]
-    levels = np.clip(np.stack([patch.level for patch in patches]) * LEVEL_STEPS + 0.5, 0, 255).astype(np.uint8)
-    return {'levels': levels,
-            'unseen': np.packbits(np.stack([patch.unseen.reshape(-1) > 0.5 for patch in patches]), axis=1),
-            'scales': np.array([patch.scale for patch in patches], np.float32),
-            'shape': np.repeat(np.arange(len(shapes)), [len(each.patches) for each in shapes]).astype(np.uint8),
-            'number': np.concatenate([each.touch for each in shapes]).astype(np.int32),
-            'recorded': np.concatenate([each.is_recorded for each in shapes])}
-
-
-def _unpacked(data: Mapping[str, np.ndarray], kind: str, shapes: int) -> list[Examples]:
-    levels, unseen, scales, shape, number, recorded = (
-        data[f'{kind}_touch_{name}'] for name in ('levels', 'unseen', 'scales', 'shape', 'number', 'recorded'))
-    count = len(levels)
-    if levels.shape != (count, SIDE, SIDE) or levels.dtype != np.uint8 or not (scales >= 1).all() or not all(
-            array.shape == (count,) for array in (scales, shape, number, recorded)):
-        raise ValueError(f'arrays of {kind} that do not fit together')
-    patches = unpack_patches(levels / np.float32(LEVEL_STEPS), unseen, scales, kind)
-    return [Examples([patches[k] for k in np.flatnonzero(shape == each)], number[shape == each].astype(int),
-                     recorded[shape == each].astype(bool)) for each in range(shapes)]

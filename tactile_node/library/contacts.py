@@ -88,7 +88,7 @@ def known_response(response: object, unit: str | None = None) -> SkinResponse | 
         raise InputError('response', expected='the path of a file', got=f'a {type(response).__name__}',
                          remedy='Pass the file that `tactile calibrate` has written, or None.')
     found = response if isinstance(response, SkinResponse) else load_response(response)
-    if unit and found.unit and unit != found.unit:
+    if unit and unit != found.unit:
         raise ConfigurationError('response', expected=f'a response to readings in {unit!r}',
                                  got=f'one in {found.unit!r}',
                                  remedy='Pass the unit of the readings with which the skin was calibrated.')

@@ -26,7 +26,8 @@ NAME_FORM = re.compile(r'[a-z][a-z0-9_]{0,31}')
 NOT_NAMES = frozenset(shape.value for shape in Shape) | {'other', 'not_known'}
 OUTLIER_LIMIT = 5.0  #: Largest magnitude of an element of the standardised embedding.
 HEAD_PARTS = 'weights', 'biases', 'middle', 'spread', 'sizes'
-OWN_PARTS = '_taught_', '_touch_'  #: An array whose name contains one of these is not in the base.
+#: An array whose name contains one of these is not in the base. Earlier files contain touches.
+OWN_PARTS = '_taught_', '_touch_'
 
 
 class Head(NamedTuple):

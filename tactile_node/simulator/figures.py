@@ -1,4 +1,4 @@
-"""Additional figures that can touch a simulated pad, specified by name or as a silhouette.
+"""Additional figures that can touch a simulated pad.
 
 The figures represent a user's own shapes, which `tactile teach` learns and `tactile simulate` presses onto a pad.
 Lengths and positions are in taxel pitches, as in world.py.
@@ -116,7 +116,7 @@ def named_silhouette(name: str) -> Silhouette:
     """Return the silhouette of a figure in NAMED. Raises InputError for any other name."""
     if name not in NAMED:
         raise InputError('figure', expected=f'one of {", ".join(NAMED)}', got=repr(name),
-                         remedy='Use one of these names, or give a picture of the figure.')
+                         remedy='Use one of these names.')
     y, x = (np.mgrid[:DRAWN_CELLS, :DRAWN_CELLS] + 0.5) * (2 / DRAWN_CELLS) - 1
     return silhouette_of(name, NAMED[name](x, y))
 

@@ -5,10 +5,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from tactile_node.simulator.device import TaxelSource
-from tactile_node.simulator.figures import Figure, Silhouette, Skin, Touching, pressure_frame, random_figure
+from tactile_node.simulator.figures import (
+    NAMED,
+    Figure,
+    Skin,
+    Touching,
+    named_silhouette,
+    pressure_frame,
+    random_figure,
+)
 from tactile_node.simulator.world import CLASSES, Contact, random_contact
 from tactile_node.skin.layout import SkinLayout
 from tactile_node.skin.pads import PadSettings
@@ -71,7 +78,7 @@ class TouchProgram:
         return values * (load if values.dtype != bool else load > 0.5)
 
 
-def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASSES,
+def touch_program(layout: SkinLayout, shapes: Sequence[str] = CLASSES,
                   areas: tuple[float, ...] = (), seed: int = 0, hold: float = 1.0, pause: float = 0.5,
                   rounds: int = 1) -> TouchProgram:
     """Return a programme that presses each shape in each size, in general position.
@@ -81,7 +88,7 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
     layout
         Layout of the pad.
     shapes
-        Shapes that touch the pad.
+        Names of the shapes that touch the pad, of CLASSES or NAMED.
     areas
         Areas of the contacts [taxels], or empty for those of `touch_areas`.
     seed
@@ -95,10 +102,11 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str | Silhouette] = CLASS
     """
     rng, now = np.random.default_rng(seed), pause
     touches, values = [], []
+    silhouettes = {shape: named_silhouette(shape) for shape in shapes if shape in NAMED}
     for area in (areas or touch_areas(layout)) * rounds:
         for shape in shapes:
-            contact = (random_figure(rng, shape, area, layout.rows, layout.cols) if isinstance(shape, Silhouette)
-                       else random_contact(rng, shape, area, layout.rows, layout.cols))
+            contact = (random_figure(rng, silhouettes[shape], area, layout.rows, layout.cols)
+                       if shape in silhouettes else random_contact(rng, shape, area, layout.rows, layout.cols))
             touches.append(SimulatedTouch(contact, now, now + hold))
             values.append(_values(layout, contact, rng))
             now += hold + pause
@@ -122,13 +130,11 @@ TOUCH_PAUSE = 2.5
 TAXEL_NOISE = 0.005
 #: maximum default noise [fraction of the press threshold]; with more noise, an untouched pad would seem pressed
 MOST_NOISE = 1 / 60
-SLIDE_WAY = 2.0  #: distance by which a contact slides to either side [pitches]
 
 
-def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouette] = CLASSES,
+def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str] = CLASSES,
                     seed: int = 0, areas: tuple[float, ...] = (), *, rounds: int = 1, hold: float = TOUCH_HOLD,
-                    pause: float = TOUCH_PAUSE, slide: float = 0.0,
-                    noise: float | None = None) -> dict[str, TaxelSource]:
+                    pause: float = TOUCH_PAUSE) -> dict[str, TaxelSource]:
     """Return sources of taxel values by pad name. Touches on every second pad are mirrored.
 
     Parameters
@@ -136,7 +142,7 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
     pads
         Pads of the gripper.
     shapes
-        Shapes that touch the pads.
+        Names of the shapes that touch the pads, of CLASSES or NAMED.
     seed
         Seed of the touches and the noise.
     areas
@@ -147,30 +153,20 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str | Silhouet
         Duration of each contact [s].
     pause
         Time between two contacts [s].
-    slide
-        Speed at which a held contact slides back and forth [m/s].
-    noise
-        Standard deviation of each taxel [fraction of full scale], or None for TAXEL_NOISE, limited by MOST_NOISE.
     """
     programs = [touch_program(pad.layout, shapes, areas, seed, hold, pause, rounds) for pad in pads]
-    return {pad.name: _felt(pad, program, -1 if i % 2 else 1, slide, noise, np.random.default_rng((seed, i)))
+    return {pad.name: _felt(pad, program, -1 if i % 2 else 1, np.random.default_rng((seed, i)))
             for i, (pad, program) in enumerate(zip(pads, programs))}
 
 
-def _felt(pad: PadSettings, program: TouchProgram, step: int, slide: float, noise: float | None,
-          rng: np.random.Generator) -> TaxelSource:
+def _felt(pad: PadSettings, program: TouchProgram, step: int, rng: np.random.Generator) -> TaxelSource:
     """Return a source with noise; a ``step`` of -1 mirrors the columns. On/off taxels get no noise."""
-    value, is_on_off = pad.layout.value, pad.layout.value.bits == 1
+    value = pad.layout.value
     lowest, full_scale = sorted(value.to_value(np.array(value.raw_range)).tolist())
-    most = np.inf if noise is not None else MOST_NOISE * PRESS_BY_UNIT[value.unit]
-    deviation = 0.0 if is_on_off else min(most, (TAXEL_NOISE if noise is None else noise) * full_scale)
+    deviation = 0.0 if value.bits == 1 else min(TAXEL_NOISE * full_scale, MOST_NOISE * PRESS_BY_UNIT[value.unit])
     rest = max(0.0, lowest + 3 * deviation) if deviation else 0.0  # noise around the lowest value would be clipped
 
     def source(time: float) -> np.ndarray:
         values = program(time)[:, ::step]
-        if slide:
-            way = slide * time / pad.layout.pitch + SLIDE_WAY
-            place = SLIDE_WAY - abs(way % (4 * SLIDE_WAY) - 2 * SLIDE_WAY)
-            values = ndimage.shift(values, (place, 0), order=0 if is_on_off else 1)
         return values + rng.normal(rest, deviation, values.shape) if deviation else values
     return source

@@ -18,7 +18,6 @@ class Kind(Enum):
 
     CAN_FRAMES = 'CAN frames'
     TOPICS = 'ROS topics'
-    BOTH = 'ROS topics and CAN frames'
 
 
 @dataclass(frozen=True)

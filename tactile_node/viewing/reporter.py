@@ -1,4 +1,4 @@
-"""Make a report from a recording: a CAN log, or a bag with taxel arrays and, optionally, CAN frames."""
+"""Make a report from a recording: a CAN log, or a bag with taxel arrays."""
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -10,8 +10,6 @@ import can
 
 from tactile_node.assembly.facts import pad_counts
 from tactile_node.errors import LogError
-from tactile_node.logs.log_reader import CanLogReader
-from tactile_node.logs.topic_bag import holds_can_frames
 from tactile_node.package_files import config_path
 from tactile_node.shape.methods import VisibilityGuard, make_recogniser
 from tactile_node.skin.pads import PadSettings
@@ -26,31 +24,15 @@ from tactile_node.viewing.touch import TouchList
 
 
 class _Reporter(Sink):
-    """Collects the facts about a recording.
+    """Collects the facts about a recording. ``on_message`` is called for each CAN frame and each message."""
 
-    Parameters
-    ----------
-    bit_rate
-        Bit rate of the bus [bit/s], or None if unknown. A recording does not contain the bit rate.
-    on_message
-        Called for each CAN frame and each message.
-    """
-
-    def __init__(self, bit_rate: int | None, on_message: Callable[[], object]):
+    def __init__(self, on_message: Callable[[], object]):
         self._on_message = on_message
         self._pads: dict[str, PadRecord] = {}
-        self._bus = BusRecord(bit_rate)
-        self._nodes = NodeRecords({}, frozenset())
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
         """Add a taxel frame, or return False if its number of rows or columns differs from the pad's first frame."""
         return self._pads[pad].feed(frame)
-
-    def add_message(self, message: can.Message) -> None:
-        """Add a CAN frame."""
-        self._on_message()
-        self._bus.feed(message)
-        self._nodes.feed(message)
 
 
 class LogReporter(_Reporter):
@@ -73,12 +55,19 @@ class LogReporter(_Reporter):
 
     def __init__(self, recording: LogRecording, *, bit_rate: int | None = None,
                  recogniser: VisibilityGuard | None = None, on_message: Callable[[], object] = lambda: None):
-        super().__init__(bit_rate, on_message)
+        super().__init__(on_message)
         self._recording, pads = recording, recording.settings
+        self._bus = BusRecord(bit_rate)
         recogniser = recogniser or make_recogniser()
         self._pads = {pad.name: PadRecord(pad.name, pad.layout.rows, pad.layout.cols, pad.layout.pitch,
                                           pad.layout.value.unit, recogniser) for pad in pads}
         self._nodes = NodeRecords({node_id: pad.name for pad in pads for node_id in pad.node_ids}, _taken(pads))
+
+    def add_message(self, message: can.Message) -> None:
+        """Add a CAN frame."""
+        self._on_message()
+        self._bus.feed(message)
+        self._nodes.feed(message)
 
     def report(self, stop_requested: threading.Event) -> Report:
         """Return the report.
@@ -125,20 +114,16 @@ class BagReporter(_Reporter):
     ----------
     recording
         The bag.
-    channel
-        Topic with the CAN frames, needed if the bag has several such topics.
-    bit_rate
-        Bit rate of the CAN bus [bit/s], or None if unknown.
     recogniser
         Shape recogniser to use.
     on_message
         Called for each message.
     """
 
-    def __init__(self, recording: BagRecording, *, channel: str = '', bit_rate: int | None = None,
-                 recogniser: VisibilityGuard | None = None, on_message: Callable[[], object] = lambda: None):
-        super().__init__(bit_rate, on_message)
-        self._recording, self._channel = recording, channel
+    def __init__(self, recording: BagRecording, *, recogniser: VisibilityGuard | None = None,
+                 on_message: Callable[[], object] = lambda: None):
+        super().__init__(on_message)
+        self._recording = recording
         self._recogniser = recogniser or make_recogniser()
         self._status = StatusRecord()
         self._begin = float('inf')  # stamp of the first taxel frame [s]
@@ -162,14 +147,9 @@ class BagReporter(_Reporter):
             raise LogError(bag.title, expected='a taxel array', got=bag.problem or 'none', remedy='Record it again.')
         pads = tuple(replace(record.report(), counts=self._status.counts(name))
                      for name, record in sorted(self._pads.items()))
-        kind, nodes, bus = Kind.TOPICS, self._status.nodes(), self._status.bus()
-        if holds_can_frames(bag.title):
-            kind = Kind.BOTH
-            self._read_can_frames(stop_requested)
-            nodes, bus = self._nodes.reports(), replace(self._bus.report(None), reported=bus.reported)
-        recording = ReportedFile.of(bag.title, kind, self._begin, self._end, unread=bag.unread, problem=bag.problem,
-                                    damages=bag.damages)
-        return Report(recording, pads, nodes, bus)
+        recording = ReportedFile.of(bag.title, Kind.TOPICS, self._begin, self._end, unread=bag.unread,
+                                    problem=bag.problem, damages=bag.damages)
+        return Report(recording, pads, self._status.nodes(), self._status.bus())
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
         """Add a taxel frame, or return False if its number of rows or columns differs from the pad's first frame."""
@@ -184,11 +164,3 @@ class BagReporter(_Reporter):
         """Add a SkinStatus."""
         self._on_message()
         self._status.feed(stamp, facts)
-
-    def _read_can_frames(self, stop_requested: threading.Event) -> None:
-        """Read the CAN frames, which are not counted by service, because only a layout identifies TPDOs."""
-        self._nodes = NodeRecords({node.node_id: node.pad for node in self._status.nodes() or ()}, frozenset())
-        for message in CanLogReader(self._recording.title, self._channel, self._recording.window):
-            if stop_requested.is_set():
-                raise KeyboardInterrupt
-            self.add_message(message)
