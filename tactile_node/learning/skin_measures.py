@@ -45,7 +45,7 @@ def measure_skin(frames: Sequence[TouchFrame]) -> SkinMeasures:
     halo = [_skirt(values, frame.mask) / level for (frame, values), level in zip(raised, levels)]
     residuals = [_residual(frame) for frame, _ in raised]
     touched_often = [of_taxel for of_taxel in by_place(residuals) if len(of_taxel) >= OFTEN]
-    gains = fixed_part(touched_often)[0] if len(touched_often) >= LEAST_TAXELS else np.nan
+    gains = fixed_part(touched_often) if len(touched_often) >= LEAST_TAXELS else np.nan
     return SkinMeasures(_median(np.array(noise)), gains, _median(np.array(halo)))
 
 
@@ -75,8 +75,8 @@ def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
     return np.where(of_whole, (logs - total / count) / np.sqrt(1 + 1 / count), np.nan)
 
 
-def fixed_part(residuals: Iterable[np.ndarray]) -> tuple[float, float]:
-    """Split residuals into a part constant for each taxel and a part that changes from frame to frame.
+def fixed_part(residuals: Iterable[np.ndarray]) -> float:
+    """Return the standard deviation of the part of residuals that is constant for each taxel.
 
     Parameters
     ----------
@@ -85,16 +85,15 @@ def fixed_part(residuals: Iterable[np.ndarray]) -> tuple[float, float]:
 
     Returns
     -------
-    tuple[float, float]
-        Standard deviations of the constant and of the changing part, by one-way analysis of variance. Both standard
-        deviations are NaN for fewer than two taxels.
+    float
+        Standard deviation by one-way analysis of variance; NaN for fewer than two taxels.
     """
     own = [one for one in residuals if len(one) >= OFTEN]
     if len(own) < 2:
-        return np.nan, np.nan
+        return np.nan
     within = np.mean([one.var(ddof=1) for one in own])
     between = np.var([one.mean() for one in own], ddof=1) - within * np.mean([1 / len(one) for one in own])
-    return float(np.sqrt(max(between, 0))), float(np.sqrt(within))
+    return float(np.sqrt(max(between, 0)))
 
 
 def by_place(residuals: Sequence[np.ndarray]) -> list[np.ndarray]:
