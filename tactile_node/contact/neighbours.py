@@ -46,7 +46,7 @@ def largest_group(taxels: np.ndarray, reaching: np.ndarray | None = None) -> int
 
     If ``reaching`` is None, all groups count.
     """
-    if not taxels.any():
+    if not np.count_nonzero(taxels):
         return 0
     labels, _ = ndimage.label(taxels, EIGHT_CONNECTED)
     sizes = np.bincount(labels.reshape(-1))
