@@ -183,7 +183,7 @@ def _newtons(unit: str, pitch: float) -> float:
 
 def _sum_of(values: np.ndarray, taxels: np.ndarray) -> float:
     """Return the sum of the values of some ``taxels``, in which invalid and negative values count as 0."""
-    return float(np.nansum(np.maximum(values[taxels], 0)))
+    return float(np.fmax(values[taxels], 0).sum())
 
 
 def _without_contact(unit: str, pad_seen: bool) -> ContactMoments:
@@ -202,13 +202,13 @@ def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
     """
     of_contact = np.maximum(values[mask].astype(float), 0)
     invalid = ~np.isfinite(of_contact)
-    if invalid.all():
-        return np.full(len(of_contact), np.nan), len(of_contact)
-    mean = of_contact[~invalid].mean()
+    count = int(np.count_nonzero(invalid))
+    if count == len(of_contact):
+        return np.full(count, np.nan), count
     for i in np.flatnonzero(invalid):
         near = (np.abs(rows - rows[i]) <= 1) & (np.abs(cols - cols[i]) <= 1) & ~invalid
-        of_contact[i] = of_contact[near].mean() if near.any() else mean
-    return of_contact, int(invalid.sum())
+        of_contact[i] = of_contact[near if near.any() else ~invalid].mean()
+    return of_contact, count
 
 
 def _deviations(values: np.ndarray, mask: np.ndarray, near: np.ndarray, of_contact: np.ndarray, *,
@@ -232,7 +232,9 @@ def _deviations(values: np.ndarray, mask: np.ndarray, near: np.ndarray, of_conta
     margin = np.where(inside, level - min(ends), max(ends) - level)
     with np.errstate(divide='ignore', invalid='ignore'):
         other = ndtr(-margin / own)  # probability that the taxel is on the other side of its threshold
-    variance = np.where(known, 0.0, np.where(inside, of_contact.var(), of_contact.mean()**2 / 4))
+    variance = np.zeros(len(read))
+    if not known.all():
+        variance[~known] = np.where(inside, of_contact.var(), of_contact.mean()**2 / 4)[~known]
     of_sum = float(np.sqrt((variance + own**2).sum()))
     variance += np.where(inside, own**2, 0.0) + np.where(own > 0, other * (1 - other) * level**2, own)
     return of_sum, np.sqrt(variance)
@@ -255,7 +257,7 @@ def _slope(inside: np.ndarray, of_unit: float) -> tuple[float, float]:
     object covers taxels at the edge of the contact only in part.
     """
     found = []
-    for differences in (np.diff(inside, axis=1), np.diff(inside, axis=0)):
+    for differences in (inside[:, 1:] - inside[:, :-1], inside[1:] - inside[:-1]):
         known = np.sort(differences[np.isfinite(differences)])
         third = len(known) // 3
         found.append(float(known[third:len(known) - third].mean() * of_unit) if len(known) >= LEAST_PAIRS else np.nan)
@@ -264,8 +266,8 @@ def _slope(inside: np.ndarray, of_unit: float) -> tuple[float, float]:
 
 def _principal_axis(x: np.ndarray, y: np.ndarray) -> float:
     dx, dy = x - x.mean(), y - y.mean()
-    difference, mixed, total = dx @ dx - dy @ dy, 2 * (dx @ dy), dx @ dx + dy @ dy
-    if np.hypot(difference, mixed) <= ROUND_DIFFERENCE * total:
+    xx, yy, mixed = dx @ dx, dy @ dy, 2 * (dx @ dy)
+    if np.hypot(xx - yy, mixed) <= ROUND_DIFFERENCE * (xx + yy):
         return float('nan')
-    axis = np.arctan2(mixed, difference) / 2
+    axis = np.arctan2(mixed, xx - yy) / 2
     return float(axis if axis > -np.pi / 2 else np.pi / 2)
