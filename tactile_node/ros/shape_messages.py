@@ -4,7 +4,7 @@ import math
 from functools import cached_property
 
 import numpy as np
-from geometry_msgs.msg import Point, Point32, Polygon, PoseWithCovariance, PoseWithCovarianceStamped
+from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseWithCovarianceStamped
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Header
 
@@ -32,12 +32,12 @@ def number_of(class_name: str) -> int:
 class PadShape:
     """The shape on a pad as a message.
 
-    Computing the box takes as long as all other fields together, so the box is computed only when it is read.
+    The fields that no grasp needs take as long as all other fields together, so they are added only when they are read.
 
     Parameters
     ----------
     message
-        Message in which box, `hollow` and solid are not filled in yet; a received message is complete.
+        Message without the fields that no grasp needs (`_complete`); a received message is complete.
     result
         Result from which the message was created; None for a received message.
     solid_height
@@ -49,9 +49,9 @@ class PadShape:
 
     @cached_property
     def complete_message(self) -> ContactShape:
-        """Message with all its fields, including box, `hollow` and solid."""
+        """Message with all its fields."""
         if self._result is not None:
-            _add_box(self.message, self._result, self._solid_height)
+            _complete(self.message, self._result, self._solid_height)
         return self.message
 
     @property
@@ -89,7 +89,6 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         confidence=single(fused.confidence), class_names=[shape.value for shape in fused.probabilities],
         probabilities=list(fused.probabilities.values()),
         frame_shape=number_of(alone.shape.value), frame_class_name=alone.shape.value,
-        frame_probabilities=[alone.probabilities.get(shape, 0.0) for shape in fused.probabilities],
         held=duration_message(result.fused.held),
         fused_frames=result.fused.frames, method=method, pad_seen=seen.pad_seen,
         taxels=int(np.count_nonzero(pattern.mask)), hidden_taxels=seen.hidden_in_contact,
@@ -98,9 +97,9 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         missing_can_frames=frame.missing_can_frames,
         contacts=pattern.contacts, others_present=pattern.contacts > 1,
         contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
-        pose=_nowhere() if result.fit is None else _pose(result.fit), residual=float('nan'))
+        motion=motion_message(result.motion, seconds(frame.header.stamp)))
     _add_moments(message, result.found, result.moments)
-    message.motion = motion_message(result.motion, seconds(frame.header.stamp))
+    _add_pose(message.pose.pose, result.fit)
     if result.fit is not None:
         _add_fit(message, result.fit)
     return PadShape(message, result, solid_height)
@@ -129,8 +128,8 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
 
 
 def _add_moments(message: ContactShape, found: FoundContact, moments: ContactMoments) -> None:
-    x, y = moments.centre_of_pressure
-    message.force, message.centre_of_pressure = moments.force, Point(x=x, y=y)
+    message.centre_of_pressure.x, message.centre_of_pressure.y = moments.centre_of_pressure
+    message.force = moments.force
     message.contact_area, message.principal_axis = moments.area, moments.principal_axis
     message.pressure_slope = moments.slope
     message.force_sd, message.centre_of_pressure_sd = moments.force_sd, float(max(moments.centre_of_pressure_sd))
@@ -139,14 +138,21 @@ def _add_moments(message: ContactShape, found: FoundContact, moments: ContactMom
     message.pad_force, message.pad_force_is_bound = found.pad_force(moments)
 
 
-def _add_box(message: ContactShape, result: StreamedContact, solid_height: float) -> None:
-    box = result.found.box
-    x, y = box.centre
-    message.box_centre, message.box_angle, message.box_lengths = Point(x=x, y=y), box.angle, box.lengths
+def _complete(message: ContactShape, result: StreamedContact, solid_height: float) -> None:
+    """Add the fields that no grasp needs: frame probabilities, box, `hollow`, solid, and the details of the fit."""
+    box, fit, alone = result.found.box, result.fit, result.recognition.probabilities
+    message.frame_probabilities = [alone.get(shape, 0.0) for shape in result.fused.recognition.probabilities]
+    message.pose.covariance = np.full(36, np.nan) if fit is None else fit.pose_covariance.reshape(-1)
+    message.residual = math.nan if fit is None else fit.residual
+    message.box_centre.x, message.box_centre.y = box.centre
+    message.box_angle, message.box_lengths = box.angle, box.lengths
     message.box_centre_sd, message.box_angle_sd, message.box_lengths_sd = box.centre_sd, box.angle_sd, box.lengths_sd
     message.box_length_is_bound, message.hollow = box.length_is_bound, box.hollow
-    if result.fit is not None and solid_height > 0 and not box.hollow:
-        _add_solid(message, result.fit, solid_height)
+    if fit is not None:
+        message.covariance = fit.covariance.reshape(-1)
+        message.outline = Polygon(points=[Point32(x=x, y=y) for x, y in fit.outline.tolist()])
+        if solid_height > 0 and not box.hollow:
+            _add_solid(message, fit, solid_height)
 
 
 def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
@@ -154,26 +160,18 @@ def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
     message.symmetry, message.handedness = fit.symmetry, fit.handedness
     message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
     message.dimension_is_bound = fit.is_bound
-    message.parameter_names, message.covariance = fit.parameter_names, fit.covariance.reshape(-1)
-    message.standard_deviations = np.sqrt(np.diag(fit.covariance))
-    message.residual = fit.residual
-    message.outline = Polygon(points=[Point32(x=x, y=y) for x, y in fit.outline.tolist()])
+    message.parameter_names = fit.parameter_names
+    message.standard_deviations = np.sqrt(fit.covariance.diagonal())
 
 
-def _nowhere() -> PoseWithCovariance:
-    """Return a pose in which every number is NaN, so that it cannot be mistaken for a valid pose."""
-    message = PoseWithCovariance(covariance=np.full(36, np.nan))
-    for part in (message.pose.position, message.pose.orientation):
-        for axis in part.get_fields_and_field_types():
-            setattr(part, axis, float('nan'))
-    return message
-
-
-def _pose(fit: ShapeFit) -> PoseWithCovariance:
-    message = PoseWithCovariance(covariance=fit.pose_covariance.reshape(-1))
-    message.pose.position.x, message.pose.position.y = fit.centre
-    message.pose.orientation.z, message.pose.orientation.w = float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
-    return message
+def _add_pose(pose: Pose, fit: ShapeFit | None) -> None:
+    """Set a pose to that of the fit. Without a fit, every number is NaN, so that no reader takes the pose as valid."""
+    place, turn = pose.position, pose.orientation
+    if fit is None:
+        place.x = place.y = place.z = turn.x = turn.y = turn.z = turn.w = math.nan
+        return
+    place.x, place.y = fit.centre
+    turn.z, turn.w = float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
 
 
 def _add_solid(message: ContactShape, fit: ShapeFit, height: float) -> None:
