@@ -16,7 +16,7 @@ Fused results have the same classes as the frames: the five shapes and the taugh
 """
 
 from dataclasses import dataclass
-from math import ceil, exp, log
+from math import ceil, exp, isfinite, log
 from typing import NamedTuple
 
 import numpy as np
@@ -170,6 +170,6 @@ class RecognitionFusion:
 
 
 def _check(stamp: float, frame: Recognition) -> None:
-    if not np.isfinite([stamp, *frame.probabilities.values()]).all():
+    if not all(map(isfinite, (stamp, *frame.probabilities.values()))):
         raise InputError('frame to fuse', expected='a finite stamp and finite probabilities',
                          got=f'{stamp}, {dict(frame.probabilities)}', remedy='Do not fuse this frame.')
