@@ -256,8 +256,8 @@ class Candidate(NamedTuple):
         """How the object loads the skin, or None for on/off taxels."""
         if not isinstance(self.model, PressureModel):
             return None
-        *_, peak, log_depth = self.parameters
-        return Loading(self.model.profile.indenter, float(peak), float(np.exp(log_depth)))
+        peak, log_depth = self.parameters[-2:].tolist()
+        return Loading(self.model.profile.indenter, peak, float(np.exp(log_depth)))
 
     def may_be_dome(self) -> bool:
         """Return True if the contact, fitted as a punch, may be a ball, a cone or a cylinder on its side.

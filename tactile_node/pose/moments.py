@@ -265,7 +265,7 @@ def _slope(inside: np.ndarray, of_unit: float) -> tuple[float, float]:
 
 
 def _principal_axis(x: np.ndarray, y: np.ndarray) -> float:
-    dx, dy = x - x.mean(), y - y.mean()
+    dx, dy = x - x.sum() / len(x), y - y.sum() / len(y)
     xx, yy, mixed = dx @ dx, dy @ dy, 2 * (dx @ dy)
     if np.hypot(xx - yy, mixed) <= ROUND_DIFFERENCE * (xx + yy):
         return float('nan')

@@ -71,6 +71,7 @@ class OutlineFit:
     symmetry: int
     _others: np.ndarray     # part of the covariance due to other, nearly as likely outlines in the latest search
     _searched: Candidate    # the best candidate of the latest search
+    _most_residual: float   # residual above which the outline is searched for again
     _stamp: float | None    # stamp of the frame of the latest search [s]
 
     def __init__(self, shape: Shape):
@@ -110,6 +111,7 @@ class OutlineFit:
         candidates = sorted((each.fine() for each in candidates if each.misfit < within), key=_misfit)
         self._conclude(evidence, candidates)
         self.best = self._searched = candidates[0]
+        self._most_residual = WORSE_RATIO * max(self.best.residual, LEAST_RESIDUAL)
 
     def follow(self, evidence: Evidence) -> bool:
         """Follow the outline from the previous frame, or return False if a new search is needed.
@@ -122,7 +124,7 @@ class OutlineFit:
         if not (is_alike and has_same_blocks) or evidence.strength > SEARCH_GROWTH * before.strength:
             return False
         found = self.best.followed(evidence)
-        if found is None or found.residual > WORSE_RATIO * max(self._searched.residual, LEAST_RESIDUAL):
+        if found is None or found.residual > self._most_residual:
             return False
         parameters, covariance, handedness = found.estimate()
         self.best, self.parameters, self.handedness = found, parameters, handedness
