@@ -120,8 +120,8 @@ def box_of(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
     >>> box_of(np.eye(4, dtype=bool)[:, 1:])
     (slice(1, 4, None), slice(0, 3, None))
     """
-    rows, cols = np.logical_or.reduce(mask, 1).tobytes(), np.logical_or.reduce(mask, 0).tobytes()
-    return (slice(max(rows.find(1) - margin, 0), rows.rfind(1) + margin + 1),
+    taxels, cols, width = mask.tobytes(), np.logical_or.reduce(mask, 0).tobytes(), mask.shape[1]
+    return (slice(max(taxels.find(1) // width - margin, 0), taxels.rfind(1) // width + margin + 1),
             slice(max(cols.find(1) - margin, 0), cols.rfind(1) + margin + 1))
 
 
