@@ -42,7 +42,6 @@ class ContactMoments(NamedTuple):
     force: float
     centre_of_pressure: tuple[float, float]  #: [m]
     area: float  #: number of taxels of the contact, including invalid ones, times pitch² [m²]
-    principal_axis: float  #: direction of the contact's longer axis, positive from x to y, in (-π/2, π/2] [rad]
     filled: int  #: number of invalid taxels filled with the mean of their neighbours
     force_sd: float  #: [N]
     centre_of_pressure_sd: tuple[float, float]  #: standard deviation along x and along y [m]
@@ -127,8 +126,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     return ContactMoments(
         force=float((total + _sum_of(values, near & ~mask)) * of_unit),
         centre_of_pressure=(centre[0] * pitch, centre[1] * pitch),
-        area=len(rows) * pitch**2, principal_axis=_principal_axis(cols, rows), filled=filled,
-        force_sd=force_sd * of_unit,
+        area=len(rows) * pitch**2, filled=filled, force_sd=force_sd * of_unit,
         centre_of_pressure_sd=(_centre_sd(deviation, x - centre[0], total) * pitch,
                                _centre_sd(deviation, y - centre[1], total) * pitch),
         force_is_bound=is_bound, centre_of_pressure_is_bound=is_bound,
@@ -190,7 +188,7 @@ def _without_contact(unit: str, pad_seen: bool) -> ContactMoments:
     nan = float('nan')
     return ContactMoments(
         force=0.0 if pad_seen and unit != '1' else nan, centre_of_pressure=(nan, nan), area=0.0 if pad_seen else nan,
-        principal_axis=nan, filled=0, force_sd=nan, centre_of_pressure_sd=(nan, nan), force_is_bound=False,
+        filled=0, force_sd=nan, centre_of_pressure_sd=(nan, nan), force_is_bound=False,
         centre_of_pressure_is_bound=False, size_is_bound=False)
 
 
@@ -264,7 +262,14 @@ def _slope(inside: np.ndarray, of_unit: float) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def _principal_axis(x: np.ndarray, y: np.ndarray) -> float:
+def principal_axis(mask: np.ndarray) -> float:
+    """Return the direction of the longer axis of a contact, positive from x to y, in (-π/2, π/2] [rad].
+
+    ``mask`` is bool (rows, cols). The direction is NaN for a round contact and without a contact.
+    """
+    y, x = np.nonzero(mask)
+    if not len(x):
+        return float('nan')
     dx, dy = x - x.sum() / len(x), y - y.sum() / len(y)
     xx, yy, mixed = dx @ dx, dy @ dy, 2 * (dx @ dy)
     if np.hypot(xx - yy, mixed) <= ROUND_DIFFERENCE * (xx + yy):

@@ -94,7 +94,7 @@ class FoundContact(NamedTuple):
 
     @property
     def moments(self) -> ContactMoments:
-        """Force, centre of pressure, area and axis of the contact. The force is NaN for values without a unit."""
+        """Force, centre of pressure and area of the contact. The force is NaN for values without a unit."""
         return contact_moments(self.pattern.values, self.pattern.mask, self.taxels.pitch,
                                self.taxels.unit or ON_OFF_UNIT, self.visibility, self.pattern.noise)
 

@@ -9,7 +9,7 @@ from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Header
 
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.moments import ContactMoments
+from tactile_node.pose.moments import ContactMoments, principal_axis
 from tactile_node.pose.pipeline import FoundContact, StreamedContact
 from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
 from tactile_node.ros.motion_messages import motion_message
@@ -130,8 +130,7 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
 def _add_moments(message: ContactShape, found: FoundContact, moments: ContactMoments) -> None:
     message.centre_of_pressure.x, message.centre_of_pressure.y = moments.centre_of_pressure
     message.force = moments.force
-    message.contact_area, message.principal_axis = moments.area, moments.principal_axis
-    message.pressure_slope = moments.slope
+    message.contact_area, message.pressure_slope = moments.area, moments.slope
     message.force_sd, message.centre_of_pressure_sd = moments.force_sd, float(max(moments.centre_of_pressure_sd))
     message.force_is_bound, message.size_is_bound = moments.force_is_bound, moments.size_is_bound
     message.centre_of_pressure_is_bound = moments.centre_of_pressure_is_bound
@@ -139,9 +138,10 @@ def _add_moments(message: ContactShape, found: FoundContact, moments: ContactMom
 
 
 def _complete(message: ContactShape, result: StreamedContact, solid_height: float) -> None:
-    """Add the fields that no grasp needs: frame probabilities, box, `hollow`, solid, and the details of the fit."""
+    """Add the fields that no grasp needs: frame probabilities, axis, box, solid, and the details of the fit."""
     box, fit, alone = result.found.box, result.fit, result.recognition.probabilities
     message.frame_probabilities = [alone.get(shape, 0.0) for shape in result.fused.recognition.probabilities]
+    message.principal_axis = principal_axis(result.contact.mask)
     message.pose.covariance = np.full(36, np.nan) if fit is None else fit.pose_covariance.reshape(-1)
     message.residual = math.nan if fit is None else fit.residual
     message.box_centre.x, message.box_centre.y = box.centre
