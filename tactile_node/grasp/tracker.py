@@ -233,7 +233,7 @@ class _Side:
         self.rests = False
         if result.state is SideState.EMPTY:
             self._touch = None
-        elif result.state is SideState.TOUCHED and np.isfinite(result.time) and not result.hides_creep:
+        elif result.state is SideState.TOUCHED and math.isfinite(result.time) and not result.hides_creep:
             self._follow(result)
 
     def _follow(self, result: SideResult) -> None:

@@ -110,7 +110,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     check_pitch(pitch)
     if visibility is None:
         visibility = visibility_of(ContactPattern.of(mask, values))
-    if not mask.any():
+    if not np.count_nonzero(mask):
         return _without_contact(unit, visibility.pad_seen)
     rows, cols = np.nonzero(mask)
     of_contact, filled = _filled(values, mask, rows, cols)

@@ -87,7 +87,7 @@ class FoundContact(NamedTuple):
         stamp : float
             Acquisition time of the frame [s], used only with ``outlines``.
         """
-        if not self.pattern.mask.any():
+        if not np.count_nonzero(self.pattern.mask):
             return None
         return fit_contact(self.pattern, shape, self.taxels.pitch, self.taxels.layer, self.visibility,
                            outlines, stamp)
