@@ -61,6 +61,8 @@ def grown(mask: np.ndarray) -> np.ndarray:
     >>> grown(np.array([[True, False, False]])).tolist()
     [[True, True, False]]
     """
+    if not np.count_nonzero(mask):
+        return np.zeros(mask.shape, bool)
     wide = framed(mask)
     tall = wide[:-2] | wide[1:-1]
     tall |= wide[2:]
