@@ -127,7 +127,7 @@ class FaultDetector:
         values = np.where(known, values, self._last)
         change = np.abs(values - self._last)
         moved = change > 0  # False for the first value of a taxel
-        self.has_changed = np.count_nonzero(moved) > 0
+        self.has_changed = bool(np.count_nonzero(moved))
         self._is_saturated = np.where(known, is_saturated, self._is_saturated)
         is_news = self._count_jumps(stamp, change, ~known | self._unknown)
         self._unknown = ~known
@@ -138,7 +138,7 @@ class FaultDetector:
             self._silent[moved & (load >= ALIVE * self.limit)] = 0
             self._still[moved] = 0
             self._risen |= self._pressed & ~was_pressed & moved
-            is_news |= np.count_nonzero(self.faults.kinds[moved]) > 0
+            is_news |= bool(np.count_nonzero(self.faults.kinds[moved]))
         if self._is_contact_over():
             self._count_contact()
             is_news = True
@@ -158,7 +158,7 @@ class FaultDetector:
             others[self.faults.kinds != 0] = 0
             others = maximum_filter(others, footprint=NEIGHBOURS, mode='constant')
             self._jumps[jumps & (others < ALONE_SHARE * self.limit)] += 1
-        return np.count_nonzero(was_flickering != self._is_flickering()) > 0
+        return bool(np.count_nonzero(was_flickering != self._is_flickering()))
 
     def _is_flickering(self) -> np.ndarray:
         return self._jumps >= max(FLICKER_JUMPS, FLICKER_SHARE * self._frames)

@@ -233,7 +233,7 @@ class PatternExtractor:
             before = self._before(values.shape)
             pressed, halo = standing_out(values, valid, threshold, before)
             self._pressed = pressed | before & ~valid
-        self._floor.learn(values, noise, valid & ~grown(grown(pressed)), np.count_nonzero(pressed) > 0)
+        self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(np.count_nonzero(pressed)))
         return _Found(pressed, noise if np.count_nonzero(noise) else None, level if self._is_free else 0.0, halo)
 
     def _is_covered(self, values: np.ndarray, valid: np.ndarray) -> bool:
