@@ -1,16 +1,18 @@
 """Convert recognised, fused and fitted contacts to ROS messages."""
 
 import math
+from array import array
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
-from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseWithCovarianceStamped
+from geometry_msgs.msg import Point, Point32, Polygon, PoseWithCovariance, PoseWithCovarianceStamped
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Header
 
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.moments import ContactMoments, principal_axis
-from tactile_node.pose.pipeline import FoundContact, StreamedContact
+from tactile_node.pose.moments import principal_axis
+from tactile_node.pose.pipeline import StreamedContact
 from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
 from tactile_node.ros.motion_messages import motion_message
 from tactile_node.ros.time_messages import duration_message, seconds
@@ -30,16 +32,16 @@ def number_of(class_name: str) -> int:
 
 
 class PadShape:
-    """The shape on a pad as a message.
+    """The shape on a pad.
 
-    The fields that no grasp needs take as long as all other fields together, so they are added only when they are read.
+    Building the message takes longer than computing all fields that a grasp reads, so it is built only when it is read.
 
     Parameters
     ----------
     message
-        Message without the fields that no grasp needs (`_complete`); a received message is complete.
+        Received message, or an object with those of its fields that a grasp reads.
     result
-        Result from which the message was created; None for a received message.
+        Result from which these fields were created; None for a received message.
     solid_height
         Height of the solid to add [m]; 0 to add no solid.
     """
@@ -50,9 +52,7 @@ class PadShape:
     @cached_property
     def complete_message(self) -> ContactShape:
         """Message with all its fields."""
-        if self._result is not None:
-            _complete(self.message, self._result, self._solid_height)
-        return self.message
+        return self.message if self._result is None else _complete(self.message, self._result, self._solid_height)
 
     @property
     def header(self) -> Header:
@@ -82,12 +82,14 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         Height of the solid to add [m]; 0 to add no solid.
     """
     fused, alone, pattern = result.fused.recognition, result.recognition, result.contact
-    seen = result.found.visibility
-    message = ContactShape(
-        header=frame.header, sequence=frame.sequence, shape=number_of(fused.shape.value), class_name=fused.shape.value,
-        unknown_reason=fused.reason,
-        confidence=single(fused.confidence), class_names=[shape.value for shape in fused.probabilities],
-        probabilities=list(fused.probabilities.values()),
+    seen, moments, fit = result.found.visibility, result.moments, result.fit
+    pad_force, pad_force_is_bound = result.found.pad_force(moments)
+    x, y = moments.centre_of_pressure
+    message = SimpleNamespace(
+        header=frame.header, sequence=frame.sequence, left_out=0, shape=number_of(fused.shape.value),
+        class_name=fused.shape.value, unknown_reason=fused.reason, confidence=single(fused.confidence),
+        class_names=[shape.value for shape in fused.probabilities],
+        probabilities=array('f', fused.probabilities.values()),
         frame_shape=number_of(alone.shape.value), frame_class_name=alone.shape.value,
         held=duration_message(result.fused.held),
         fused_frames=result.fused.frames, method=method, pad_seen=seen.pad_seen,
@@ -97,11 +99,14 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         missing_can_frames=frame.missing_can_frames,
         contacts=pattern.contacts, others_present=pattern.contacts > 1,
         contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
-        motion=motion_message(result.motion, seconds(frame.header.stamp)))
-    _add_moments(message, result.found, result.moments)
-    _add_pose(message.pose.pose, result.fit)
-    if result.fit is not None:
-        _add_fit(message, result.fit)
+        force=moments.force, force_sd=moments.force_sd, force_is_bound=moments.force_is_bound, pad_force=pad_force,
+        pad_force_is_bound=pad_force_is_bound, centre_of_pressure=Point(x=x, y=y),
+        centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
+        centre_of_pressure_is_bound=moments.centre_of_pressure_is_bound, contact_area=moments.area,
+        pressure_slope=moments.slope, size_is_bound=moments.size_is_bound,
+        motion=motion_message(result.motion, seconds(frame.header.stamp)), fit_valid=fit is not None, pose=_pose(fit))
+    if fit is not None:
+        _add_fit(message, fit)
     return PadShape(message, result, solid_height)
 
 
@@ -127,18 +132,9 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
-def _add_moments(message: ContactShape, found: FoundContact, moments: ContactMoments) -> None:
-    message.centre_of_pressure.x, message.centre_of_pressure.y = moments.centre_of_pressure
-    message.force = moments.force
-    message.contact_area, message.pressure_slope = moments.area, moments.slope
-    message.force_sd, message.centre_of_pressure_sd = moments.force_sd, float(max(moments.centre_of_pressure_sd))
-    message.force_is_bound, message.size_is_bound = moments.force_is_bound, moments.size_is_bound
-    message.centre_of_pressure_is_bound = moments.centre_of_pressure_is_bound
-    message.pad_force, message.pad_force_is_bound = found.pad_force(moments)
-
-
-def _complete(message: ContactShape, result: StreamedContact, solid_height: float) -> None:
-    """Add the fields that no grasp needs: frame probabilities, axis, box, solid, and the details of the fit."""
+def _complete(fields: SimpleNamespace, result: StreamedContact, solid_height: float) -> ContactShape:
+    """Return the message with ``fields`` and with those that no grasp reads, such as box, solid and outline."""
+    message = ContactShape(**vars(fields))
     box, fit, alone = result.found.box, result.fit, result.recognition.probabilities
     message.frame_probabilities = [alone.get(shape, 0.0) for shape in result.fused.recognition.probabilities]
     message.principal_axis = principal_axis(result.contact.mask)
@@ -153,25 +149,27 @@ def _complete(message: ContactShape, result: StreamedContact, solid_height: floa
         message.outline = Polygon(points=[Point32(x=x, y=y) for x, y in fit.outline.tolist()])
         if solid_height > 0 and not box.hollow:
             _add_solid(message, fit, solid_height)
+    return message
 
 
-def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
-    message.fit_valid = True
+def _add_fit(message: SimpleNamespace, fit: ShapeFit) -> None:
     message.symmetry, message.handedness = fit.symmetry, fit.handedness
     message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
     message.dimension_is_bound = fit.is_bound
     message.parameter_names = fit.parameter_names
-    message.standard_deviations = np.sqrt(fit.covariance.diagonal())
+    message.standard_deviations = np.sqrt(fit.covariance.diagonal()).tolist()
 
 
-def _add_pose(pose: Pose, fit: ShapeFit | None) -> None:
-    """Set a pose to that of the fit. Without a fit, every number is NaN, so that no reader takes the pose as valid."""
-    place, turn = pose.position, pose.orientation
+def _pose(fit: ShapeFit | None) -> PoseWithCovariance:
+    """Return the pose of the fit. Without a fit, every number is NaN, so that no reader takes the pose as valid."""
+    message = PoseWithCovariance()
+    place, turn = message.pose.position, message.pose.orientation
     if fit is None:
         place.x = place.y = place.z = turn.x = turn.y = turn.z = turn.w = math.nan
-        return
-    place.x, place.y = fit.centre
-    turn.z, turn.w = float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
+    else:
+        place.x, place.y = fit.centre
+        turn.z, turn.w = float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
+    return message
 
 
 def _add_solid(message: ContactShape, fit: ShapeFit, height: float) -> None:
