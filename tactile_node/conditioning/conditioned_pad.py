@@ -90,9 +90,7 @@ class ConditionedPad:
         """Return the conditioned frame."""
         offset = self.tared.offset  # read once, because a tare may replace it meanwhile
         zero = 0.0 if offset is None else offset
-        # NumPy compares with an int five times as fast as with a member of an enumeration
-        is_saturated = frame.status == TaxelStatus.SATURATED.value
-        found = self.detector.update(frame.stamp, frame.values, zero, is_saturated)
+        found = self.detector.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED.value)
         if found is not self._found:
             self._found = found
             self._combine(found)

@@ -173,8 +173,6 @@ def _are_specks(pressed: np.ndarray, raised: np.ndarray) -> bool:
     In that case, the small groups are noise and must not be joined to a contact.
     """
     groups, count = ndimage.label(pressed, EIGHT_CONNECTED)
-    if count <= MOST_SPECKS:
-        return False
     groups = groups[pressed]
     sizes = np.bincount(groups, minlength=count + 1)[1:]
     means = np.bincount(groups, raised[pressed], count + 1)[1:] / sizes
