@@ -6,7 +6,7 @@ from functools import cached_property
 from types import SimpleNamespace
 
 import numpy as np
-from geometry_msgs.msg import Point, Point32, Polygon, PoseWithCovariance, PoseWithCovarianceStamped
+from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseWithCovariance, PoseWithCovarianceStamped
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Header
 
@@ -104,7 +104,8 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
         centre_of_pressure_is_bound=moments.centre_of_pressure_is_bound, contact_area=moments.area,
         pressure_slope=moments.slope, size_is_bound=moments.size_is_bound,
-        motion=motion_message(result.motion, seconds(frame.header.stamp)), fit_valid=fit is not None, pose=_pose(fit))
+        motion=motion_message(result.motion, seconds(frame.header.stamp)), fit_valid=fit is not None,
+        pose=SimpleNamespace(pose=_pose(fit)))
     if fit is not None:
         _add_fit(message, fit)
     return PadShape(message, result, solid_height)
@@ -134,11 +135,12 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
 
 def _complete(fields: SimpleNamespace, result: StreamedContact, solid_height: float) -> ContactShape:
     """Return the message with ``fields`` and with those that no grasp reads, such as box, solid and outline."""
-    message = ContactShape(**vars(fields))
     box, fit, alone = result.found.box, result.fit, result.recognition.probabilities
+    covariance = np.full(36, np.nan) if fit is None else fit.pose_covariance.reshape(-1)
+    pose = PoseWithCovariance(pose=fields.pose.pose, covariance=covariance)
+    message = ContactShape(**vars(fields) | {'pose': pose})
     message.frame_probabilities = [alone.get(shape, 0.0) for shape in result.fused.recognition.probabilities]
     message.principal_axis = principal_axis(result.contact.mask)
-    message.pose.covariance = np.full(36, np.nan) if fit is None else fit.pose_covariance.reshape(-1)
     message.residual = math.nan if fit is None else fit.residual
     message.box_centre.x, message.box_centre.y = box.centre
     message.box_angle, message.box_lengths = box.angle, box.lengths
@@ -160,10 +162,10 @@ def _add_fit(message: SimpleNamespace, fit: ShapeFit) -> None:
     message.standard_deviations = np.sqrt(fit.covariance.diagonal()).tolist()
 
 
-def _pose(fit: ShapeFit | None) -> PoseWithCovariance:
+def _pose(fit: ShapeFit | None) -> Pose:
     """Return the pose of the fit. Without a fit, every number is NaN, so that no reader takes the pose as valid."""
-    message = PoseWithCovariance()
-    place, turn = message.pose.position, message.pose.orientation
+    message = Pose()
+    place, turn = message.position, message.orientation
     if fit is None:
         place.x = place.y = place.z = turn.x = turn.y = turn.z = turn.w = math.nan
     else:
