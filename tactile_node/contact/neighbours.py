@@ -36,7 +36,7 @@ def pad_seen(hidden: np.ndarray, unmapped: np.ndarray, smallest_contact: int = S
     >>> pad_seen(hidden, np.zeros((4, 4), bool)), pad_seen(hidden, np.zeros((4, 4), bool), smallest_contact=3)
     (True, False)
     """
-    if (hidden | unmapped).all():
+    if np.count_nonzero(hidden | unmapped) == hidden.size:
         return False
     return largest_group(hidden) < smallest_contact
 
