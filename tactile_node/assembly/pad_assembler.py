@@ -164,11 +164,10 @@ class PadAssembler:
 
     def _give(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray) -> TaxelFrames:
         """Emit a taxel frame from the ``fresh`` TPDOs (bool by rank), or withhold it and count these TPDOs as lost."""
-        received = int(np.count_nonzero(fresh))
-        missing = len(fresh) - received
+        missing = int((~fresh).sum())
         if missing and self.drop_incomplete:
             self._count_withheld(missing)
-            return self._lose(LossReason.INCOMPLETE, received)
+            return self._lose(LossReason.INCOMPLETE, int(fresh.sum()))
         return self._give_frame(stamp, sequence, payload, fresh, fresh, missing)
 
     def _give_frame(self, stamp: float, sequence: int, payload: bytes | bytearray, fresh: np.ndarray, used: np.ndarray,
