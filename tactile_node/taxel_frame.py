@@ -18,7 +18,7 @@ LEAST_BY_UNIT = {'Pa': 2e3, 'N': 0.007}
 
 def read_only(array: np.ndarray) -> np.ndarray:
     """Return the array itself, made read-only, so that no stage can change the result of another stage."""
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array
 
 

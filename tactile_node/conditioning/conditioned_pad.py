@@ -77,13 +77,13 @@ class ConditionedPad:
         """Return the conditioned frame."""
         offset = self.tared.offset  # read once, because a tare may replace it meanwhile
         zero = 0.0 if offset is None else offset
-        found = self.detector.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED)
+        found = self.detector.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED.value)
         if found is not self._found:
             self._found = found
             self._combine(found)
         self._count_unchanged(frame)
         faulty = self._status != 0 if self.masks else self._known.kinds != 0
-        if faulty.any():
+        if np.count_nonzero(faulty):
             frame = frame.without(faulty, self._status)
         if self.is_frozen:
             frame = frame.without(frame.has_value)

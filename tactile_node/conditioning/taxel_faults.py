@@ -120,17 +120,18 @@ class FaultDetector:
         values = np.where(known, values, self._last)
         change = np.abs(values - self._last)
         moved = change > 0  # False for the first value of a taxel
-        self.has_changed = bool(moved.any())
+        self.has_changed = bool(np.count_nonzero(moved))
         self._is_saturated = np.where(known, is_saturated, self._is_saturated)
         is_news = self._count_jumps(stamp, change, ~known | self._unknown)
         self._unknown = ~known
         self._last, was_pressed = values, self._pressed
-        self._pressed = values - zero >= self.limit
-        self._silent[moved & (values - zero >= ALIVE * self.limit)] = 0
-        if moved.any():
+        load = values - zero
+        self._pressed = load >= self.limit
+        if self.has_changed:
+            self._silent[moved & (load >= ALIVE * self.limit)] = 0
             self._still[moved] = 0
             self._risen |= self._pressed & ~was_pressed & moved
-            is_news |= bool((self.faults.kinds[moved] != 0).any())
+            is_news |= bool(np.count_nonzero(self.faults.kinds[moved]))
         if self._is_contact_over():
             self._count_contact()
             is_news = True
@@ -145,12 +146,12 @@ class FaultDetector:
         self._jumps *= fading
         self._frames = self._frames * fading + 1
         jumps = change >= JUMP_SHARE * self.limit
-        if jumps.any():
+        if np.count_nonzero(jumps):
             others = np.where(unknown | self._pressed, np.inf, np.nan_to_num(change))
             others[self.faults.kinds != 0] = 0
             others = maximum_filter(others, footprint=NEIGHBOURS, mode='constant')
             self._jumps[jumps & (others < ALONE_SHARE * self.limit)] += 1
-        return bool((was_flickering != self._is_flickering()).any())
+        return bool(np.count_nonzero(was_flickering != self._is_flickering()))
 
     def _is_flickering(self) -> np.ndarray:
         return self._jumps >= max(FLICKER_JUMPS, FLICKER_SHARE * self._frames)

@@ -36,7 +36,7 @@ def pad_seen(hidden: np.ndarray, unmapped: np.ndarray, smallest_contact: int = S
     >>> pad_seen(hidden, np.zeros((4, 4), bool)), pad_seen(hidden, np.zeros((4, 4), bool), smallest_contact=3)
     (True, False)
     """
-    if (hidden | unmapped).all():
+    if np.count_nonzero(hidden | unmapped) == hidden.size:
         return False
     return largest_group(hidden) < smallest_contact
 
@@ -46,7 +46,7 @@ def largest_group(taxels: np.ndarray, reaching: np.ndarray | None = None) -> int
 
     If ``reaching`` is None, all groups count.
     """
-    if not taxels.any():
+    if not np.count_nonzero(taxels):
         return 0
     labels, _ = ndimage.label(taxels, EIGHT_CONNECTED)
     sizes = np.bincount(labels.reshape(-1))
@@ -61,6 +61,8 @@ def grown(mask: np.ndarray) -> np.ndarray:
     >>> grown(np.array([[True, False, False]])).tolist()
     [[True, True, False]]
     """
+    if not np.count_nonzero(mask):
+        return np.zeros(mask.shape, bool)
     wide = framed(mask)
     tall = wide[:-2] | wide[1:-1]
     tall |= wide[2:]
@@ -120,8 +122,8 @@ def box_of(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
     >>> box_of(np.eye(4, dtype=bool)[:, 1:])
     (slice(1, 4, None), slice(0, 3, None))
     """
-    rows, cols = np.logical_or.reduce(mask, 1).tobytes(), np.logical_or.reduce(mask, 0).tobytes()
-    return (slice(max(rows.find(1) - margin, 0), rows.rfind(1) + margin + 1),
+    taxels, cols, width = mask.tobytes(), np.logical_or.reduce(mask, 0).tobytes(), mask.shape[1]
+    return (slice(max(taxels.find(1) // width - margin, 0), taxels.rfind(1) // width + margin + 1),
             slice(max(cols.find(1) - margin, 0), cols.rfind(1) + margin + 1))
 
 

@@ -181,7 +181,7 @@ class PatternExtractor:
         missing = _taxels(unmapped, frame.shape, 'unmapped')
         hidden = ~(valid | missing)
         found = self._found(frame, numbers, valid)
-        pressed, noise, rest = found.pressed & valid, found.noise, found.rest
+        pressed, rest = found.pressed & valid, found.rest
         if rest and np.count_nonzero(pressed):
             rise = abs(float(np.median(numbers[pressed])) - rest)
             numbers = numbers - rest if abs(rest) > BASELINE_SHARE * rise else numbers
@@ -212,16 +212,14 @@ class PatternExtractor:
             mask=read_only(mask), values=read_only(np.where(valid, numbers, np.nan)), contacts=contacts,
             labels=read_only(labels), sizes=tuple(np.bincount(labels.reshape(-1))[1:].tolist()),
             hidden=read_only(hidden), saturated=read_only(_taxels(saturated, frame.shape, 'saturated') & valid),
-            unmapped=read_only(missing), noise=noise,
-            is_covered=is_covered,
-            is_left_over=is_left and not contacts)
+            unmapped=read_only(missing), is_covered=is_covered, is_left_over=is_left and not contacts,
+            noise=read_only(np.full(frame.shape, np.nan)) if found.noise is None else found.noise)
 
     def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> '_Found':
-        unknown = read_only(np.full(frame.shape, np.nan))
         if frame.dtype == bool:
-            return _Found(frame.copy(), unknown)
+            return _Found(frame.copy())
         if self._is_on_off or self._is_free and are_on_off(values[valid]):
-            return _Found(self._above(values, valid), unknown)
+            return _Found(self._above(values, valid))
         level, noise = self._floor.measure(values, valid)
         if self._thresholds:
             pressed, halo = self._above(values, valid), None
@@ -235,8 +233,8 @@ class PatternExtractor:
             before = self._before(values.shape)
             pressed, halo = standing_out(values, valid, threshold, before)
             self._pressed = pressed | before & ~valid
-        self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(pressed.any()))
-        return _Found(pressed, noise if np.count_nonzero(noise) else unknown, level if self._is_free else 0.0, halo)
+        self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(np.count_nonzero(pressed)))
+        return _Found(pressed, noise if np.count_nonzero(noise) else None, level if self._is_free else 0.0, halo)
 
     def _is_covered(self, values: np.ndarray, valid: np.ndarray) -> bool:
         """Return True if an object may cover a small array without a unit, so that no contact stands out."""
@@ -273,10 +271,10 @@ class PatternExtractor:
 class _Found(NamedTuple):
     """The pressed taxels of a frame before they are divided into contacts."""
 
-    pressed: np.ndarray             #: bool (rows, cols)
-    noise: np.ndarray               #: float (rows, cols), NaN where the value is unknown
-    rest: float = 0.0               #: level at rest; 0 for an array with a unit, because its zero is known
-    halo: np.ndarray | None = None  #: (rows, cols), halo of the pressed taxels
+    pressed: np.ndarray              #: bool (rows, cols)
+    noise: np.ndarray | None = None  #: float (rows, cols), or None if it is unknown
+    rest: float = 0.0                #: level at rest; 0 for an array with a unit, because its zero is known
+    halo: np.ndarray | None = None   #: (rows, cols), halo of the pressed taxels
 
 
 def are_alike(values: np.ndarray) -> bool:
@@ -353,6 +351,8 @@ def number_contacts(pressed: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray
     contacts : int
         Number of contacts. Contacts beyond MOST_LABELS are counted but have no label.
     """
+    if not np.count_nonzero(pressed):
+        return np.zeros(pressed.shape, np.uint8), 0
     connected = pressed | between(pressed, hidden) if np.count_nonzero(hidden) else pressed
     found, contacts = ndimage.label(connected, EIGHT_CONNECTED)
     if contacts <= 1:

@@ -98,5 +98,5 @@ def _around(pattern: ContactPattern, finger_ends: SkinSide) -> tuple[np.ndarray,
     """
     mask = pattern.mask
     around = grown(mask) & ~mask
-    beyond, sides = bool((around & pattern.unmapped).any()), sides_reached(mask)
+    beyond, sides = bool(np.count_nonzero(around & pattern.unmapped)), sides_reached(mask)
     return around & ~pattern.unmapped, beyond or bool(sides), beyond or bool(sides & ~finger_ends)

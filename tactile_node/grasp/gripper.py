@@ -210,10 +210,11 @@ def contact_line(gripper: Gripper, left_centre: Point, right_centre: Point, gap:
     left, right = gripper.left.place(left_centre, 0.0), gripper.right.place(right_centre, 0.0)
     closing = gripper.closing
     closed = right - left
-    offset = float(np.linalg.norm(closed - closed @ closing * closing))
+    sideways = closed - closed @ closing * closing
+    offset = math.sqrt(sideways @ sideways)
     left = left - gripper.left.normal * (gap / 2)
     right = right - gripper.right.normal * (gap / 2)
     across = right - left
     along = float(across @ closing)
-    return Line(left=left, right=right, width=float(np.linalg.norm(across)), offset=offset,
+    return Line(left=left, right=right, width=math.sqrt(across @ across), offset=offset,
                 misalignment=float(np.arctan2(offset, along)))

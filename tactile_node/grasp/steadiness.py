@@ -141,11 +141,11 @@ class Steadiness:
             time = max(time, float(self._samples[-1, 0]))
         else:
             self.since = time
-        self._samples = np.vstack((self._samples, (time, *centre, resolution)))
+        self._samples = np.concatenate((self._samples, [(time, *centre, resolution)]))
         resolution = self.speed.resolution if self.speed else resolution
         length = max(SHORTEST_WINDOW, WINDOW_TIMES * resolution / self._settings.max_creep)
         old = self._samples[:-FEWEST_CENTRES, 0]
-        self._samples = self._samples[np.searchsorted(old, time - length):]
+        self._samples = self._samples[old.searchsorted(time - length):]
 
     def _fitted(self) -> Speed | None:
         """Return the speed from a line through the centres of the window, or None while there are too few centres."""

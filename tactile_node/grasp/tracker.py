@@ -3,6 +3,7 @@
 An unknown side is never reported as EMPTY. A side is UNSEEN if it has no current result or if its pad is not seen.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
@@ -139,7 +140,7 @@ class GraspTracker:
         if side not in SIDES:
             raise ConfigurationError('side of a grasp', expected=' or '.join(SIDES), got=repr(side),
                                      remedy='Name each pad by its side of the gripper.')
-        if not (np.isfinite((now, *(result.centre or ()))).all() and result.time < np.inf):
+        if not (all(map(math.isfinite, (now, *(result.centre or ())))) and result.time < np.inf):
             raise InputError('result of a side', expected='a finite time and centre',
                              got=f'{result.time}, {now}, {result.centre}',
                              remedy='Pass None for an unknown centre, and -inf as the time if the age is unknown.')
@@ -186,6 +187,7 @@ class _Side:
         self.latest = SideResult(-np.inf, SideState.NOT_KNOWN)
         self._received = -np.inf
         self._gaps: deque[float] = deque(maxlen=PERIODS_KEPT)
+        self._period = 0.0  # median of the gaps [s]; 0 before the first gap
         self._steadiness = Steadiness(settings.steadiness)
         self._touch: SideResult | None = None  # latest result for this contact that includes a centre
         self.rests = False  #: True if the latest result shows that the centre rests
@@ -196,7 +198,7 @@ class _Side:
 
     def _time_of(self, periods: float, shortest: float) -> float:
         """Return the duration of this many ``periods`` of the side, but at least ``shortest`` [s]."""
-        return max(shortest, periods * median(self._gaps)) if self._gaps else shortest
+        return max(shortest, periods * self._period)
 
     @property
     def _is_followed(self) -> bool:
@@ -223,14 +225,15 @@ class _Side:
 
     def update(self, result: SideResult, now: float) -> None:
         gap = result.time - self.latest.time
-        if np.isfinite(gap) and gap > 0:
+        if 0 < gap < math.inf:
             self._gaps.append(gap)
+            self._period = median(self._gaps)
         self.latest = result
         self._received = now
         self.rests = False
         if result.state is SideState.EMPTY:
             self._touch = None
-        elif result.state is SideState.TOUCHED and np.isfinite(result.time) and not result.hides_creep:
+        elif result.state is SideState.TOUCHED and math.isfinite(result.time) and not result.hides_creep:
             self._follow(result)
 
     def _follow(self, result: SideResult) -> None:

@@ -64,7 +64,7 @@ class ClassifierNode(StageNode):
         shape.message.left_out = self._contacts.left_out
         self._shapes.send(shape, acquired)
         if shape.message.fit_valid:
-            self._poses.publish(lambda: pose_message(shape.message))
+            self._poses.publish(lambda: pose_message(shape.complete_message))
         for event in result.motion.events:
             self._events.publish(event_message(event, contact.header, contact.sequence, age_since(acquired)))
         self.recognised += 1
@@ -74,7 +74,7 @@ class ClassifierNode(StageNode):
     def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, acquired: float) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
         self._all_shapes.publish(self._all_shapes_of, contact, result, acquired)
-        self._view.publish(contact, shape.message)
+        self._view.publish(contact, shape.complete_message)
 
     def _all_shapes_of(self, contact: PadContact, largest: StreamedContact, acquired: float) -> ContactShapes:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)

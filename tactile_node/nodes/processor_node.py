@@ -73,8 +73,8 @@ class ProcessorNode(StageNode):
         if unit in self._scales and (error := self._scales[unit].doubt(values)):
             logger.warning('%s: %s', self._taxels.topic, error, extra=of_node(self, fact=error))
             self._scales = {}  # the warning is logged only once
-        found = self._pipeline.find(values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED,
-                                    unmapped=frame.status == TaxelStatus.UNMAPPED)
+        found = self._pipeline.find(values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED.value,
+                                    unmapped=frame.status == TaxelStatus.UNMAPPED.value)
         contact = PadContact.of(frame, found, self._taxels.left_out)
         self._contacts.send(contact, acquired)
         if self._views.is_wanted or self._features.is_wanted:

@@ -136,9 +136,6 @@ class Candidate(NamedTuple):
     parameters: np.ndarray   #: parameters of the outline, then the extras of the model
     prediction: Prediction   #: prediction of the model, possibly at parameters close to these
     fitted: np.ndarray       #: values that the model predicts at ``parameters``, (taxels,)
-    information: np.ndarray = np.empty(0)  #: inverse covariance of the parameters
-    misfit: float = np.nan   #: sum of weights (values - fitted)²
-    cost: float = np.nan     #: misfit plus the contribution of the prior
 
     @classmethod
     def coarse(cls, evidence: Evidence, shape: Shape, start: Start, profile: Profile = PUNCH,
@@ -173,7 +170,7 @@ class Candidate(NamedTuple):
             precision[-1] = deviation ** -2
         weights = evidence.used / FIRST_NOISE**2
         likely, *others = (cls(evidence, shape, handedness, model, weights, expected, precision, parameters, prediction,
-                               prediction.values)._evaluated()
+                               prediction.values)
                            for parameters, prediction in ((each, model.predict(each)) for each in starts))
         best = min((other for other in others if other.cost < CLEAR_RATIO * likely.cost), key=lambda each: each.cost,
                    default=likely)
@@ -181,7 +178,7 @@ class Candidate(NamedTuple):
 
     def weighted(self, weights: np.ndarray) -> 'Candidate':
         """Return the candidate at the same parameters, with new ``weights``, (taxels,)."""
-        return self._replace(weights=weights)._evaluated()
+        return self._replace(weights=weights)
 
     def new_weights(self) -> np.ndarray:
         """Return the weights of the taxels, (taxels,), that follow from the candidate's residuals."""
@@ -201,7 +198,7 @@ class Candidate(NamedTuple):
             return self
         expected, precision = self.expected.copy(), self.precision.copy()
         expected[model.PEAK], precision[model.PEAK] = likely
-        return self._replace(expected=expected, precision=precision)._evaluated()
+        return self._replace(expected=expected, precision=precision)
 
     def fine(self) -> 'Candidate':
         """Return the candidate after the fine pass."""
@@ -225,7 +222,7 @@ class Candidate(NamedTuple):
             found = found._at(prediction)
             parameters = found._after_step(damping=0.0)
             if found._is_near(parameters):
-                return found._replace(parameters=parameters, fitted=prediction.values_near(parameters))._evaluated()
+                return found._replace(parameters=parameters, fitted=prediction.values_near(parameters))
             prediction = model.predict(parameters)
         return None
 
@@ -246,6 +243,23 @@ class Candidate(NamedTuple):
         return _canonical(self.shape, fitted, covariance, handedness)
 
     @property
+    def information(self) -> np.ndarray:
+        """Inverse covariance of the parameters, (parameters, parameters)."""
+        information = (self.prediction.jacobian * self.weights) @ self.prediction.jacobian.T
+        information.reshape(-1)[::len(self.parameters) + 1] += self.precision
+        return information
+
+    @property
+    def misfit(self) -> float:
+        """Sum of weights (values - fitted)² over the taxels."""
+        return float(self.weights @ (self.evidence.values - self.fitted)**2)
+
+    @property
+    def cost(self) -> float:
+        """Misfit plus the contribution of the prior."""
+        return self.misfit + float(self.precision @ (self.parameters - self.expected)**2)
+
+    @property
     def residual(self) -> float:
         """Root mean square of the difference between value and model, as a fraction of the contact's level."""
         residual = (self.evidence.values - self.fitted)[self.evidence.used]
@@ -256,8 +270,8 @@ class Candidate(NamedTuple):
         """How the object loads the skin, or None for on/off taxels."""
         if not isinstance(self.model, PressureModel):
             return None
-        *_, peak, log_depth = self.parameters
-        return Loading(self.model.profile.indenter, float(peak), float(np.exp(log_depth)))
+        peak, log_depth = self.parameters[-2:].tolist()
+        return Loading(self.model.profile.indenter, peak, float(np.exp(log_depth)))
 
     def may_be_dome(self) -> bool:
         """Return True if the contact, fitted as a punch, may be a ball, a cone or a cylinder on its side.
@@ -282,12 +296,12 @@ class Candidate(NamedTuple):
 
         The steps converge quadratically, so the remaining error is of the order of ``tolerance`` squared.
         """
-        damping, best, geometry = 1e-3, self, len(self.model.outline.parameters)
+        damping, best, least, geometry = 1e-3, self, self.cost, len(self.model.outline.parameters)
         for _ in range(most_steps):
             trial = best._at(self.model.predict(best._after_step(damping)))
-            size = np.abs(trial.parameters - best.parameters)[:geometry].max()
-            if trial.cost <= best.cost:
-                best, damping = trial, damping / 10
+            size, cost = np.abs(trial.parameters - best.parameters)[:geometry].max(), trial.cost
+            if cost <= least:
+                best, least, damping = trial, cost, damping / 10
             else:
                 damping *= 20
             if size < tolerance:
@@ -297,21 +311,13 @@ class Candidate(NamedTuple):
     def _at(self, prediction: Prediction) -> 'Candidate':
         """Return the candidate at the parameters of a ``prediction``."""
         return self._replace(parameters=prediction.parameters, prediction=prediction,
-                             fitted=prediction.values)._evaluated()
-
-    def _evaluated(self) -> 'Candidate':
-        """Return the candidate with information, misfit and cost for its other fields."""
-        information = (self.prediction.jacobian * self.weights) @ self.prediction.jacobian.T
-        information.reshape(-1)[::len(self.parameters) + 1] += self.precision
-        misfit = self.weights @ (self.evidence.values - self.fitted)**2
-        cost = misfit + self.precision @ (self.parameters - self.expected)**2
-        return self._replace(information=information, misfit=float(misfit), cost=float(cost))
+                             fitted=prediction.values)
 
     def _after_step(self, damping: float) -> np.ndarray:
         """Return the parameters after one step, with positive dimensions and with the extras in the model's range."""
         slope = (self.prediction.jacobian @ (self.weights * (self.evidence.values - self.fitted))
                  + self.precision * (self.expected - self.parameters))
-        damped = self.information.copy()
+        damped = self.information
         diagonal = damped.reshape(-1)[::len(slope) + 1]
         diagonal *= 1 + damping
         step: np.ndarray = dposv(damped, slope)[1]

@@ -45,10 +45,15 @@ class ShapeFit(NamedTuple):
     is_bound: tuple[bool, ...]
     covariance: np.ndarray  #: covariance of the parameters in ``parameter_names`` [m, rad]
     residual: float  #: root mean square of the difference between value and model, as a fraction of the contact's level
-    outline: np.ndarray  #: corners, (n, 2), ordered by rotation from x to y [m]
     indenter: Indenter | None  #: kind of object, as inferred from its pressure; None for on/off taxels
     peak: float  #: 0 for an even pressure, about 1 for the pressure of a punch or a dome, NaN for on/off taxels
     depth: float  #: fitted depth of the taxels below the skin's surface [m]; NaN for on/off taxels
+
+    @property
+    def outline(self) -> np.ndarray:
+        """Corners, (n, 2), ordered by rotation from x to y [m]."""
+        return outline_of(self.shape, self.handedness).placed(np.array(self.centre), self.angle,
+                                                              np.array(self.dimensions))
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -75,14 +80,13 @@ class ShapeFit(NamedTuple):
         pitch *= evidence.size
         scale = np.array([1.0 if name == 'angle' else pitch for name in outline.parameters])
         origin = np.array((evidence.x, evidence.y)) / evidence.size
-        corners = outline_of(shape, found.handedness).corners(found.parameters)
         centre, angle, dimensions = outline.split(found.parameters * scale)
         return cls(shape=shape, centre=tuple((centre + origin * pitch).tolist()), angle=angle,
                    symmetry=found.symmetry, handedness=found.handedness if shape is Shape.RIGHT_TRIANGLE else 0,
                    dimension_names=outline.dimensions, dimensions=tuple(dimensions.tolist()),
                    is_bound=(False,) * len(dimensions),
                    covariance=read_only(found.covariance * (scale * scale[:, np.newaxis])),
-                   residual=found.best.residual, outline=read_only((corners + origin) * pitch),
+                   residual=found.residual,
                    indenter=loading.indenter if loading else None, peak=loading.peak if loading else np.nan,
                    depth=loading.depth * pitch if loading else np.nan)
 
@@ -252,5 +256,4 @@ def _bounded(fit: ShapeFit, rim: Rim, pitch: float) -> ShapeFit:
     centre = np.where(is_bound, (low + high) / 2, middle) @ axes
     return fit._replace(
         centre=tuple(centre.tolist()), dimensions=tuple(dimensions.tolist()),
-        is_bound=tuple(is_bound.tolist()[:len(dimensions)]),
-        outline=read_only(OUTLINES[fit.shape].placed(centre, fit.angle, dimensions)))
+        is_bound=tuple(is_bound.tolist()[:len(dimensions)]))

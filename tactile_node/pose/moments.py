@@ -42,7 +42,6 @@ class ContactMoments(NamedTuple):
     force: float
     centre_of_pressure: tuple[float, float]  #: [m]
     area: float  #: number of taxels of the contact, including invalid ones, times pitch² [m²]
-    principal_axis: float  #: direction of the contact's longer axis, positive from x to y, in (-π/2, π/2] [rad]
     filled: int  #: number of invalid taxels filled with the mean of their neighbours
     force_sd: float  #: [N]
     centre_of_pressure_sd: tuple[float, float]  #: standard deviation along x and along y [m]
@@ -111,7 +110,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     check_pitch(pitch)
     if visibility is None:
         visibility = visibility_of(ContactPattern.of(mask, values))
-    if not mask.any():
+    if not np.count_nonzero(mask):
         return _without_contact(unit, visibility.pad_seen)
     rows, cols = np.nonzero(mask)
     of_contact, filled = _filled(values, mask, rows, cols)
@@ -127,8 +126,7 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     return ContactMoments(
         force=float((total + _sum_of(values, near & ~mask)) * of_unit),
         centre_of_pressure=(centre[0] * pitch, centre[1] * pitch),
-        area=len(rows) * pitch**2, principal_axis=_principal_axis(cols, rows), filled=filled,
-        force_sd=force_sd * of_unit,
+        area=len(rows) * pitch**2, filled=filled, force_sd=force_sd * of_unit,
         centre_of_pressure_sd=(_centre_sd(deviation, x - centre[0], total) * pitch,
                                _centre_sd(deviation, y - centre[1], total) * pitch),
         force_is_bound=is_bound, centre_of_pressure_is_bound=is_bound,
@@ -183,14 +181,14 @@ def _newtons(unit: str, pitch: float) -> float:
 
 def _sum_of(values: np.ndarray, taxels: np.ndarray) -> float:
     """Return the sum of the values of some ``taxels``, in which invalid and negative values count as 0."""
-    return float(np.nansum(np.maximum(values[taxels], 0)))
+    return float(np.fmax(values[taxels], 0).sum())
 
 
 def _without_contact(unit: str, pad_seen: bool) -> ContactMoments:
     nan = float('nan')
     return ContactMoments(
         force=0.0 if pad_seen and unit != '1' else nan, centre_of_pressure=(nan, nan), area=0.0 if pad_seen else nan,
-        principal_axis=nan, filled=0, force_sd=nan, centre_of_pressure_sd=(nan, nan), force_is_bound=False,
+        filled=0, force_sd=nan, centre_of_pressure_sd=(nan, nan), force_is_bound=False,
         centre_of_pressure_is_bound=False, size_is_bound=False)
 
 
@@ -202,13 +200,13 @@ def _filled(values: np.ndarray, mask: np.ndarray, rows: np.ndarray,
     """
     of_contact = np.maximum(values[mask].astype(float), 0)
     invalid = ~np.isfinite(of_contact)
-    if invalid.all():
-        return np.full(len(of_contact), np.nan), len(of_contact)
-    mean = of_contact[~invalid].mean()
+    count = int(np.count_nonzero(invalid))
+    if count == len(of_contact):
+        return np.full(count, np.nan), count
     for i in np.flatnonzero(invalid):
         near = (np.abs(rows - rows[i]) <= 1) & (np.abs(cols - cols[i]) <= 1) & ~invalid
-        of_contact[i] = of_contact[near].mean() if near.any() else mean
-    return of_contact, int(invalid.sum())
+        of_contact[i] = of_contact[near if near.any() else ~invalid].mean()
+    return of_contact, count
 
 
 def _deviations(values: np.ndarray, mask: np.ndarray, near: np.ndarray, of_contact: np.ndarray, *,
@@ -232,7 +230,9 @@ def _deviations(values: np.ndarray, mask: np.ndarray, near: np.ndarray, of_conta
     margin = np.where(inside, level - min(ends), max(ends) - level)
     with np.errstate(divide='ignore', invalid='ignore'):
         other = ndtr(-margin / own)  # probability that the taxel is on the other side of its threshold
-    variance = np.where(known, 0.0, np.where(inside, of_contact.var(), of_contact.mean()**2 / 4))
+    variance = np.zeros(len(read))
+    if not known.all():
+        variance[~known] = np.where(inside, of_contact.var(), of_contact.mean()**2 / 4)[~known]
     of_sum = float(np.sqrt((variance + own**2).sum()))
     variance += np.where(inside, own**2, 0.0) + np.where(own > 0, other * (1 - other) * level**2, own)
     return of_sum, np.sqrt(variance)
@@ -255,17 +255,24 @@ def _slope(inside: np.ndarray, of_unit: float) -> tuple[float, float]:
     object covers taxels at the edge of the contact only in part.
     """
     found = []
-    for differences in (np.diff(inside, axis=1), np.diff(inside, axis=0)):
+    for differences in (inside[:, 1:] - inside[:, :-1], inside[1:] - inside[:-1]):
         known = np.sort(differences[np.isfinite(differences)])
         third = len(known) // 3
         found.append(float(known[third:len(known) - third].mean() * of_unit) if len(known) >= LEAST_PAIRS else np.nan)
     return found[0], found[1]
 
 
-def _principal_axis(x: np.ndarray, y: np.ndarray) -> float:
-    dx, dy = x - x.mean(), y - y.mean()
-    difference, mixed, total = dx @ dx - dy @ dy, 2 * (dx @ dy), dx @ dx + dy @ dy
-    if np.hypot(difference, mixed) <= ROUND_DIFFERENCE * total:
+def principal_axis(mask: np.ndarray) -> float:
+    """Return the direction of the longer axis of a contact, positive from x to y, in (-π/2, π/2] [rad].
+
+    ``mask`` is bool (rows, cols). The direction is NaN for a round contact and without a contact.
+    """
+    y, x = np.nonzero(mask)
+    if not len(x):
         return float('nan')
-    axis = np.arctan2(mixed, difference) / 2
+    dx, dy = x - x.sum() / len(x), y - y.sum() / len(y)
+    xx, yy, mixed = dx @ dx, dy @ dy, 2 * (dx @ dy)
+    if np.hypot(xx - yy, mixed) <= ROUND_DIFFERENCE * (xx + yy):
+        return float('nan')
+    axis = np.arctan2(mixed, xx - yy) / 2
     return float(axis if axis > -np.pi / 2 else np.pi / 2)

@@ -20,7 +20,7 @@ from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import Visibility
 from tactile_node.pose.events import Event, EventKind, Motion, Moving, Observable, SeenBy
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.moments import ContactMoments
+from tactile_node.pose.moments import ContactMoments, principal_axis
 from tactile_node.pose.rim import ends_seen, rim_of
 from tactile_node.pose.track import ForceTrack, Track
 
@@ -321,7 +321,7 @@ def _observable(sight: Sight) -> Observable:
         found |= Observable.ROTATION
     if not seen.at_edge:
         return found
-    axis = fit.angle if fit is not None else np.nan_to_num(sight.moments.principal_axis)
+    axis = fit.angle if fit is not None else np.nan_to_num(principal_axis(sight.pattern.mask))
     along, across = (any(ends) for ends in ends_seen(rim_of(sight.pattern, seen), float(axis)).tolist())
     if along and across:
         return found

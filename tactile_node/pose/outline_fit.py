@@ -53,6 +53,8 @@ class OutlineFit:
         The shape that is fitted.
     best : Candidate
         The likeliest candidate in the latest frame. Like the results below, it exists after the first search.
+    residual : float
+        Residual of ``best``.
     parameters : np.ndarray
         Parameters of the outline, in pitches and radians. One pitch is the side of a block of the evidence. The long
         side comes first, and the angle is the equivalent angle nearest 0.
@@ -65,12 +67,14 @@ class OutlineFit:
     """
 
     best: Candidate
+    residual: float
     parameters: np.ndarray
     covariance: np.ndarray
     handedness: int
     symmetry: int
     _others: np.ndarray     # part of the covariance due to other, nearly as likely outlines in the latest search
     _searched: Candidate    # the best candidate of the latest search
+    _most_residual: float   # residual above which the outline is searched for again
     _stamp: float | None    # stamp of the frame of the latest search [s]
 
     def __init__(self, shape: Shape):
@@ -110,6 +114,8 @@ class OutlineFit:
         candidates = sorted((each.fine() for each in candidates if each.misfit < within), key=_misfit)
         self._conclude(evidence, candidates)
         self.best = self._searched = candidates[0]
+        self.residual = self.best.residual
+        self._most_residual = WORSE_RATIO * max(self.residual, LEAST_RESIDUAL)
 
     def follow(self, evidence: Evidence) -> bool:
         """Follow the outline from the previous frame, or return False if a new search is needed.
@@ -122,10 +128,10 @@ class OutlineFit:
         if not (is_alike and has_same_blocks) or evidence.strength > SEARCH_GROWTH * before.strength:
             return False
         found = self.best.followed(evidence)
-        if found is None or found.residual > WORSE_RATIO * max(self._searched.residual, LEAST_RESIDUAL):
+        if found is None or (residual := found.residual) > self._most_residual:
             return False
         parameters, covariance, handedness = found.estimate()
-        self.best, self.parameters, self.handedness = found, parameters, handedness
+        self.best, self.residual, self.parameters, self.handedness = found, residual, parameters, handedness
         self.covariance = covariance + self._others
         return True
 

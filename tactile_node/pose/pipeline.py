@@ -87,14 +87,14 @@ class FoundContact(NamedTuple):
         stamp : float
             Acquisition time of the frame [s], used only with ``outlines``.
         """
-        if not self.pattern.mask.any():
+        if not np.count_nonzero(self.pattern.mask):
             return None
         return fit_contact(self.pattern, shape, self.taxels.pitch, self.taxels.layer, self.visibility,
                            outlines, stamp)
 
     @property
     def moments(self) -> ContactMoments:
-        """Force, centre of pressure, area and axis of the contact. The force is NaN for values without a unit."""
+        """Force, centre of pressure and area of the contact. The force is NaN for values without a unit."""
         return contact_moments(self.pattern.values, self.pattern.mask, self.taxels.pitch,
                                self.taxels.unit or ON_OFF_UNIT, self.visibility, self.pattern.noise)
 

@@ -5,7 +5,7 @@ pressure is multiplied by (level + tilt_x X + tilt_y Y), and the layer spreads t
 In the model of an on/off skin, a taxel reads 1 if its centre is inside the outline.
 """
 
-from functools import cache
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -130,8 +130,12 @@ class Model:
 
     def __init__(self, outline: Outline, window: Window):
         self.outline, self.window = outline, window
-        rows, cols = np.indices((window.rows, window.cols)).reshape(2, -1)
-        self._places = np.stack((cols + window.col, rows + window.row)).astype(float)
+
+    @cached_property
+    def _places(self) -> np.ndarray:
+        """Positions of the taxels, (2, taxels)."""
+        rows, cols = np.indices((self.window.rows, self.window.cols)).reshape(2, -1)
+        return np.stack((cols + self.window.col, rows + self.window.row)).astype(float)
 
     def on(self, window: Window) -> 'Model':
         """Return the same model for another ``window``."""

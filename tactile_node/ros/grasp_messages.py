@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import Header
 
 from tactile_node.grasp.gripper import Gripper, Line
@@ -150,10 +149,9 @@ def _older(sides: Sequence[ContactShape], ages: Sequence[float]) -> ContactShape
 def _add_line(message: Grasp, line: Line | None) -> None:
     nowhere = np.full(3, np.nan)
     left, right, middle, axis = (line.left, line.right, line.midpoint, line.axis) if line else (nowhere,) * 4
-    message.left_centre = _point(left)
-    message.right_centre = _point(right)
-    message.midpoint = _point(middle)
-    message.axis = Vector3(x=float(axis[0]), y=float(axis[1]), z=float(axis[2]))
+    for field, place in ((message.left_centre, left), (message.right_centre, right), (message.midpoint, middle),
+                         (message.axis, axis)):
+        field.x, field.y, field.z = place.tolist()
     message.width = line.width if line else math.nan
     message.offset = line.offset if line else math.nan
     message.misalignment = line.misalignment if line else math.nan
@@ -178,7 +176,3 @@ def _add_sides(message: Grasp, state: GraspState, sides: Sequence[ContactShape],
     message.saturated_taxels = [side.saturated_taxels + side.saturated_ring_taxels for side in sides]
     message.motions = [current_motion(side.motion, age, each >= SideState.EMPTY)
                        for each, side, age in zip(state.side_states, sides, ages)]
-
-
-def _point(place: np.ndarray) -> Point:
-    return Point(x=float(place[0]), y=float(place[1]), z=float(place[2]))

@@ -12,6 +12,7 @@ from tactile_node.skin.taxel_array import RejectReason, check_duration, check_ti
 from tactile_skin.msg import ContactEvent, ContactMotion
 
 ACROSS = Moving.SHIFTING | Moving.SLIDING  #: Flags of a movement across the pad, of which at most one is set.
+ANY_MOVEMENT = int(ACROSS | Moving.TURNING)
 MOST_OBSERVABLE = sum(Observable)
 
 
@@ -36,7 +37,7 @@ def current_motion(motion: ContactMotion, age: float, is_current: bool) -> Conta
 
 def is_moving(motion: ContactMotion) -> bool:
     """Return True if the contact shifts, slides or turns."""
-    return bool(motion.moving & (ACROSS | Moving.TURNING))
+    return bool(motion.moving & ANY_MOVEMENT)
 
 
 def event_message(event: Event, header: Header, sequence: int, age: Duration) -> ContactEvent:

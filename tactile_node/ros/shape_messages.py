@@ -1,16 +1,18 @@
 """Convert recognised, fused and fitted contacts to ROS messages."""
 
 import math
+from array import array
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
-from geometry_msgs.msg import Point, Point32, Polygon, PoseWithCovariance, PoseWithCovarianceStamped
+from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseWithCovariance, PoseWithCovarianceStamped
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Header
 
 from tactile_node.pose.fit import ShapeFit
-from tactile_node.pose.moments import ContactMoments
-from tactile_node.pose.pipeline import FoundContact, StreamedContact
+from tactile_node.pose.moments import principal_axis
+from tactile_node.pose.pipeline import StreamedContact
 from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
 from tactile_node.ros.motion_messages import motion_message
 from tactile_node.ros.time_messages import duration_message, seconds
@@ -30,16 +32,16 @@ def number_of(class_name: str) -> int:
 
 
 class PadShape:
-    """The shape on a pad as a message.
+    """The shape on a pad.
 
-    Computing the box takes as long as all other fields together, so the box is computed only when it is read.
+    Building the message takes longer than computing all fields that a grasp reads, so it is built only when it is read.
 
     Parameters
     ----------
     message
-        Message in which box, `hollow` and solid are not filled in yet; a received message is complete.
+        Received message, or an object with those of its fields that a grasp reads.
     result
-        Result from which the message was created; None for a received message.
+        Result from which these fields were created; None for a received message.
     solid_height
         Height of the solid to add [m]; 0 to add no solid.
     """
@@ -49,10 +51,8 @@ class PadShape:
 
     @cached_property
     def complete_message(self) -> ContactShape:
-        """Message with all its fields, including box, `hollow` and solid."""
-        if self._result is not None:
-            _add_box(self.message, self._result, self._solid_height)
-        return self.message
+        """Message with all its fields."""
+        return self.message if self._result is None else _complete(self.message, self._result, self._solid_height)
 
     @property
     def header(self) -> Header:
@@ -82,14 +82,15 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         Height of the solid to add [m]; 0 to add no solid.
     """
     fused, alone, pattern = result.fused.recognition, result.recognition, result.contact
-    seen = result.found.visibility
-    message = ContactShape(
-        header=frame.header, sequence=frame.sequence, shape=number_of(fused.shape.value), class_name=fused.shape.value,
-        unknown_reason=fused.reason,
-        confidence=single(fused.confidence), class_names=[shape.value for shape in fused.probabilities],
-        probabilities=list(fused.probabilities.values()),
+    seen, moments, fit = result.found.visibility, result.moments, result.fit
+    pad_force, pad_force_is_bound = result.found.pad_force(moments)
+    x, y = moments.centre_of_pressure
+    message = SimpleNamespace(
+        header=frame.header, sequence=frame.sequence, left_out=0, shape=number_of(fused.shape.value),
+        class_name=fused.shape.value, unknown_reason=fused.reason, confidence=single(fused.confidence),
+        class_names=[shape.value for shape in fused.probabilities],
+        probabilities=array('f', fused.probabilities.values()),
         frame_shape=number_of(alone.shape.value), frame_class_name=alone.shape.value,
-        frame_probabilities=[alone.probabilities.get(shape, 0.0) for shape in fused.probabilities],
         held=duration_message(result.fused.held),
         fused_frames=result.fused.frames, method=method, pad_seen=seen.pad_seen,
         taxels=int(np.count_nonzero(pattern.mask)), hidden_taxels=seen.hidden_in_contact,
@@ -98,11 +99,15 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         missing_can_frames=frame.missing_can_frames,
         contacts=pattern.contacts, others_present=pattern.contacts > 1,
         contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
-        pose=_nowhere() if result.fit is None else _pose(result.fit), residual=float('nan'))
-    _add_moments(message, result.found, result.moments)
-    message.motion = motion_message(result.motion, seconds(frame.header.stamp))
-    if result.fit is not None:
-        _add_fit(message, result.fit)
+        force=moments.force, force_sd=moments.force_sd, force_is_bound=moments.force_is_bound, pad_force=pad_force,
+        pad_force_is_bound=pad_force_is_bound, centre_of_pressure=Point(x=x, y=y),
+        centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
+        centre_of_pressure_is_bound=moments.centre_of_pressure_is_bound, contact_area=moments.area,
+        pressure_slope=moments.slope, size_is_bound=moments.size_is_bound,
+        motion=motion_message(result.motion, seconds(frame.header.stamp)), fit_valid=fit is not None,
+        pose=SimpleNamespace(pose=_pose(fit)))
+    if fit is not None:
+        _add_fit(message, fit)
     return PadShape(message, result, solid_height)
 
 
@@ -128,51 +133,44 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
-def _add_moments(message: ContactShape, found: FoundContact, moments: ContactMoments) -> None:
-    x, y = moments.centre_of_pressure
-    message.force, message.centre_of_pressure = moments.force, Point(x=x, y=y)
-    message.contact_area, message.principal_axis = moments.area, moments.principal_axis
-    message.pressure_slope = moments.slope
-    message.force_sd, message.centre_of_pressure_sd = moments.force_sd, float(max(moments.centre_of_pressure_sd))
-    message.force_is_bound, message.size_is_bound = moments.force_is_bound, moments.size_is_bound
-    message.centre_of_pressure_is_bound = moments.centre_of_pressure_is_bound
-    message.pad_force, message.pad_force_is_bound = found.pad_force(moments)
-
-
-def _add_box(message: ContactShape, result: StreamedContact, solid_height: float) -> None:
-    box = result.found.box
-    x, y = box.centre
-    message.box_centre, message.box_angle, message.box_lengths = Point(x=x, y=y), box.angle, box.lengths
+def _complete(fields: SimpleNamespace, result: StreamedContact, solid_height: float) -> ContactShape:
+    """Return the message with ``fields`` and with those that no grasp reads, such as box, solid and outline."""
+    box, fit, alone = result.found.box, result.fit, result.recognition.probabilities
+    covariance = np.full(36, np.nan) if fit is None else fit.pose_covariance.reshape(-1)
+    pose = PoseWithCovariance(pose=fields.pose.pose, covariance=covariance)
+    message = ContactShape(**vars(fields) | {'pose': pose})
+    message.frame_probabilities = [alone.get(shape, 0.0) for shape in result.fused.recognition.probabilities]
+    message.principal_axis = principal_axis(result.contact.mask)
+    message.residual = math.nan if fit is None else fit.residual
+    message.box_centre.x, message.box_centre.y = box.centre
+    message.box_angle, message.box_lengths = box.angle, box.lengths
     message.box_centre_sd, message.box_angle_sd, message.box_lengths_sd = box.centre_sd, box.angle_sd, box.lengths_sd
     message.box_length_is_bound, message.hollow = box.length_is_bound, box.hollow
-    if result.fit is not None and solid_height > 0 and not box.hollow:
-        _add_solid(message, result.fit, solid_height)
-
-
-def _add_fit(message: ContactShape, fit: ShapeFit) -> None:
-    message.fit_valid = True
-    message.symmetry, message.handedness = fit.symmetry, fit.handedness
-    message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
-    message.dimension_is_bound = fit.is_bound
-    message.parameter_names, message.covariance = fit.parameter_names, fit.covariance.reshape(-1)
-    message.standard_deviations = np.sqrt(np.diag(fit.covariance))
-    message.residual = fit.residual
-    message.outline = Polygon(points=[Point32(x=x, y=y) for x, y in fit.outline.tolist()])
-
-
-def _nowhere() -> PoseWithCovariance:
-    """Return a pose in which every number is NaN, so that it cannot be mistaken for a valid pose."""
-    message = PoseWithCovariance(covariance=np.full(36, np.nan))
-    for part in (message.pose.position, message.pose.orientation):
-        for axis in part.get_fields_and_field_types():
-            setattr(part, axis, float('nan'))
+    if fit is not None:
+        message.covariance = fit.covariance.reshape(-1)
+        message.outline = Polygon(points=[Point32(x=x, y=y) for x, y in fit.outline.tolist()])
+        if solid_height > 0 and not box.hollow:
+            _add_solid(message, fit, solid_height)
     return message
 
 
-def _pose(fit: ShapeFit) -> PoseWithCovariance:
-    message = PoseWithCovariance(covariance=fit.pose_covariance.reshape(-1))
-    message.pose.position.x, message.pose.position.y = fit.centre
-    message.pose.orientation.z, message.pose.orientation.w = float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
+def _add_fit(message: SimpleNamespace, fit: ShapeFit) -> None:
+    message.symmetry, message.handedness = fit.symmetry, fit.handedness
+    message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
+    message.dimension_is_bound = fit.is_bound
+    message.parameter_names = fit.parameter_names
+    message.standard_deviations = np.sqrt(fit.covariance.diagonal()).tolist()
+
+
+def _pose(fit: ShapeFit | None) -> Pose:
+    """Return the pose of the fit. Without a fit, every number is NaN, so that no reader takes the pose as valid."""
+    message = Pose()
+    place, turn = message.position, message.orientation
+    if fit is None:
+        place.x = place.y = place.z = turn.x = turn.y = turn.z = turn.w = math.nan
+    else:
+        place.x, place.y = fit.centre
+        turn.z, turn.w = float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
     return message
 
 

@@ -16,10 +16,8 @@ Fused results have the same classes as the frames: the five shapes and the taugh
 """
 
 from dataclasses import dataclass
-from math import ceil, exp, log
+from math import ceil, exp, isfinite, log
 from typing import NamedTuple
-
-import numpy as np
 
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, UnknownReason
@@ -138,20 +136,22 @@ class RecognitionFusion:
         self._add(frame, passed)
         if frame.shape is Shape.UNKNOWN:
             self._reason = frame.reason
-        mean = self._evidence / self._evidence.sum()
-        return self._report(stamp, self._chosen(), Recognition.of(dict(zip(self._touching, mean.tolist()))))
+        total = sum(self._evidence)
+        mean = {shape: evidence / total for shape, evidence in zip(self._touching, self._evidence)}
+        return self._report(stamp, self._chosen(), Recognition.of(mean))
 
     def _start(self, touching: tuple[ShapeClass, ...]) -> None:
         self._touching = touching
-        self._evidence = np.zeros(len(touching))  # weighted sum of the probabilities
+        self._evidence = [0.0] * len(touching)  # weighted sum of the probabilities
 
     def _add(self, frame: Recognition, passed: float) -> None:
-        seen = np.array([frame.probabilities[shape] for shape in self._touching])
-        self._evidence = self._settings.kept(passed) * self._evidence + seen
+        kept = self._settings.kept(passed)
+        self._evidence = [kept * before + frame.probabilities[shape]
+                          for before, shape in zip(self._evidence, self._touching)]
 
     def _chosen(self) -> ShapeClass:
         """Return the leading class, or the class that was reported last if another shape is close ahead."""
-        ahead = int(self._evidence.argmax())
+        ahead = self._evidence.index(max(self._evidence))
         leading = self._touching[ahead]
         if self._shape is None or self._shape is Shape.NONE or leading is Shape.UNKNOWN:
             return leading
@@ -170,6 +170,6 @@ class RecognitionFusion:
 
 
 def _check(stamp: float, frame: Recognition) -> None:
-    if not np.isfinite([stamp, *frame.probabilities.values()]).all():
+    if not all(map(isfinite, (stamp, *frame.probabilities.values()))):
         raise InputError('frame to fuse', expected='a finite stamp and finite probabilities',
                          got=f'{stamp}, {dict(frame.probabilities)}', remedy='Do not fuse this frame.')

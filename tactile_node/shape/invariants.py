@@ -50,7 +50,6 @@ def _expansion(p: int, q: int) -> np.ndarray:
 
 
 MOMENT_EXPANSIONS = np.array([_expansion(p, q) for p, q in MOMENT_ORDERS]).T
-MOMENT_POWERS = np.arange(HIGHEST_ORDER + 1)[:, None]
 DIRECTION_BEFORE = np.arange(-1, DIRECTIONS - 1)
 
 
@@ -89,8 +88,15 @@ def _moments(weight: np.ndarray, y: np.ndarray, x: np.ndarray, total: np.ndarray
     The unit of length is the square root of the area.
     """
     unit = 1 / np.sqrt(total)[:, None]
-    sums = ((y * unit)[:, None] ** MOMENT_POWERS) @ weight @ ((x * unit)[..., None] ** MOMENT_POWERS.T)
+    sums = _powers(y * unit) @ weight @ _powers(x * unit).transpose(0, 2, 1)
     return sums / total[:, None, None]
+
+
+def _powers(places: np.ndarray) -> np.ndarray:
+    """Return the powers of ``places``, (K, n), as products, (K, HIGHEST_ORDER + 1, n)."""
+    factors = np.repeat(places[:, np.newaxis], HIGHEST_ORDER + 1, 1)
+    factors[:, 0] = 1
+    return factors.cumprod(1)
 
 
 def _magnitudes(moments: np.ndarray) -> np.ndarray:

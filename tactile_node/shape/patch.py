@@ -82,10 +82,10 @@ def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
     mask : np.ndarray
         Taxels of the contact, bool (rows, cols), with at least one True.
     """
-    (low, high), around = np.array([(used.start, used.stop) for used in box_of(mask)]).T, box_of(mask, RIM_REACH)
+    box, around = box_of(mask), box_of(mask, RIM_REACH)
     level, dead, graded = _levels(values[around], mask[around])
-    first = np.array([shown.start for shown in around])
-    level, dead, shown, extent = _standing(level, dead, low - first, high - low)
+    level, dead, shown, extent = _standing(level, dead, [used.start - seen.start for used, seen in zip(box, around)],
+                                           [used.stop - used.start for used in box])
     scale = max(extent) / PATCH_ROOM
     if scale <= 1:
         place = [(SIDE - size) // 2 - margin for size, margin in zip(extent, shown)]
@@ -94,30 +94,32 @@ def make_patch(values: np.ndarray, mask: np.ndarray) -> Patch:
     return Patch(level, dead, scale, graded)
 
 
-def _standing(level: np.ndarray, dead: np.ndarray, before: np.ndarray,
-              extent: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[int], list[int]]:
+def _standing(level: np.ndarray, dead: np.ndarray, before: list[int],
+              extent: list[int]) -> tuple[np.ndarray, np.ndarray, list[int], list[int]]:
     """Rotate and mirror the contact until it is longer along x and skewed towards greater x and y.
 
     ``before`` holds the numbers of taxels shown above and to the left of the contact's box. ``extent`` holds the
     numbers of rows and columns of the box.
     """
-    after = np.array(level.shape) - extent - before
     (xx, xxx), (yy, yyy) = _spread(level.sum(0)), _spread(level.sum(1))
-    sense = (slice(None, None, -1 if yyy < 0 else 1), slice(None, None, -1 if xxx < 0 else 1))
+    is_mirrored = yyy < 0, xxx < 0
+    sense = tuple(slice(None, None, -1 if is_back else 1) for is_back in is_mirrored)
+    before = [shown - size - margin if is_back else margin
+              for is_back, shown, size, margin in zip(is_mirrored, level.shape, extent, before)]
     level = level[sense]
     dead = dead[sense]
-    before = np.where((yyy < 0, xxx < 0), after, before)
     if yy > xx:
         level = level.T
         dead = dead.T
         before = before[::-1]
         extent = extent[::-1]
-    return level, dead, before.tolist(), extent.tolist()
+    return level, dead, before, extent
 
 
 def _spread(weight: np.ndarray) -> tuple[float, float]:
     """Return the second and third central moments of a distribution along one axis."""
-    place = np.arange(len(weight)) - weight @ np.arange(len(weight)) / weight.sum()
+    place = np.arange(len(weight))
+    place = place - weight @ place / weight.sum()
     square = weight * place * place
     return float(square.sum()), float(square @ place)
 

@@ -103,7 +103,7 @@ class Recognition(NamedTuple):
         """
         every: dict[ShapeClass, float] = {shape: float(probabilities.get(shape, 0.0)) for shape in Shape}
         every.update((shape, float(p)) for shape, p in probabilities.items() if isinstance(shape, TaughtShape))
-        return cls._of(max(every, key=every.__getitem__), every, reason)
+        return cls._of(max(every, key=every.__getitem__), MappingProxyType(every), reason)
 
     @classmethod
     def mean_of(cls, weights: Sequence[float], readings: Sequence['Recognition']) -> 'Recognition':
@@ -164,8 +164,7 @@ class Recognition(NamedTuple):
 
     @classmethod
     def _of(cls, shape: ShapeClass, probabilities: Mapping[ShapeClass, float], reason: UnknownReason) -> 'Recognition':
-        return cls(shape, MappingProxyType(dict(probabilities)),
-                   reason if shape is Shape.UNKNOWN else UnknownReason.NOT_UNKNOWN)
+        return cls(shape, probabilities, reason if shape is Shape.UNKNOWN else UnknownReason.NOT_UNKNOWN)
 
     def as_json(self) -> dict[str, Any]:
         """Return one line of `tactile classify` as a dictionary.
