@@ -33,7 +33,7 @@ class _Pad:
                             f'{self._name}_pad')
         found = self._pipeline.find(frame.values, frame.taxels)
         result = self._pipeline.recognise(PadContact.of(frame, found).found, EPOCH + now)
-        return pad_shape(frame, result, 'learned', 0.0).complete_message
+        return pad_shape(frame, result, 'learned', 0.0).message
 
 
 class PlannerChain:

@@ -57,6 +57,16 @@ def test_none_is_reported_at_once_and_forgets():
     assert again.recognition.shape is Shape.CIRCLE and again.frames == 1
 
 
+def test_an_empty_pad_counts_its_frames_like_a_shape():
+    fusion = RecognitionFusion()
+    feed(fusion, [SQUARE] * 5)
+    empty = [fusion.update(0.5 + 0.25 * i, Recognition.certain(Shape.NONE)) for i in range(3)]
+    assert [(each.since, each.held, each.frames) for each in empty] == [(0.5, 0.0, 1), (0.5, 0.25, 2), (0.5, 0.5, 3)]
+    first = fusion.update(1.25, Recognition.of(SQUARE))
+    assert first.frames == 1 and first.recognition.confidence == pytest.approx(0.6)
+    assert fusion.update(1.5, Recognition.certain(Shape.NONE)).frames == 1
+
+
 @pytest.mark.parametrize('stamp', [0.1, 9.0])
 def test_a_stamp_that_jumps_starts_again(stamp):
     fusion = RecognitionFusion()

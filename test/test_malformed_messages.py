@@ -110,7 +110,7 @@ def good_shape(sequence=0) -> ContactShape:
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     fused = FusedRecognition(frame, STAMP, 1.5, 30)
     result = StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
-    return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).complete_message
+    return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).message
 
 
 def good_event(sequence=0) -> ContactEvent:

@@ -37,7 +37,7 @@ from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import ReceiverSettings
 from tactile_node.skin.taxel_array import RejectReason
 from tactile_node.taxel_frame import SkinSide, TaxelFrame, TaxelStatus
-from tactile_skin.msg import Contact, ContactShape, ContactShapes, Grasp, GraspSides, TaxelArray
+from tactile_skin.msg import Contact, ContactEvent, ContactShape, ContactShapes, Grasp, GraspSides, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('ros')]
 
@@ -323,6 +323,22 @@ def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
             process.peer.create_subscription(kind, topic, lambda message: None, frames_qos(10))
         until(lambda: (process.send(), time.sleep(PERIOD), len(set(postponed)) == 2)[-1])
     assert set(postponed) == {each.topic for each in stages}
+
+
+def test_a_shape_that_cannot_be_published_is_counted_and_costs_no_event(monkeypatch):
+    """No later frame reports the event again that a contact was made."""
+    with Process() as process:
+        events, node = heard_by(process.peer, ContactEvent, '/left/events'), process.nodes['/left/classifier']
+        until(lambda: process.peer.count_publishers('/left/events') and node._events.get_subscription_count())
+
+        stage = process.input('/left/classifier')
+        until(lambda: (process.send(press=False), time.sleep(PERIOD), stage.counts.processed > 2)[-1])
+
+        def fail(*_):
+            raise ValueError('no room')
+        monkeypatch.setattr(node._shapes, 'send', fail)
+        until(lambda: (process.send(), time.sleep(PERIOD), ContactEvent.MADE in [each.kind for each in events])[-1])
+        assert stage.counts.dropped[RejectReason.PROCESSING_FAILED]
 
 
 def test_images_that_cannot_be_made_are_counted_and_cost_no_shape():

@@ -48,7 +48,7 @@ class ClassifierNode(StageNode):
         qos, lossless = self._settings.qos, self._settings.lossless
         self.recognised = 0  #: number of contacts for which a shape was published
         self._shapes: StageOutput[PadShape] = StageOutput(self, ContactShape, 'shape', self._settings,
-                                                          lambda shape: shape.complete_message, self._stages)
+                                                          lambda shape: shape.message, self._stages)
         self._poses = OnDemandPublisher(self, PoseWithCovarianceStamped, 'pose', qos, lossless=lossless)
         self._all_shapes = OnDemandPublisher(self, ContactShapes, 'shapes', qos, lossless=lossless)
         self._events = self.create_publisher(ContactEvent, 'events', frames_qos(EVENT_DEPTH, lossless))
@@ -61,12 +61,14 @@ class ClassifierNode(StageNode):
         """Recognise the shape of ``contact`` and publish the result."""
         result = self._pipeline.recognise(contact.found, seconds(contact.header.stamp))
         shape = self._shape(contact, result, acquired)
-        shape.message.left_out = self._contacts.left_out
-        self._shapes.send(shape, acquired)
-        if shape.message.fit_valid:
-            self._poses.publish(lambda: pose_message(shape.complete_message))
-        for event in result.motion.events:
-            self._events.publish(event_message(event, contact.header, contact.sequence, age_since(acquired)))
+        shape.fields.left_out = self._contacts.left_out
+        try:
+            self._shapes.send(shape, acquired)
+        finally:  # no later frame reports these events again
+            for event in result.motion.events:
+                self._events.publish(event_message(event, contact.header, contact.sequence, age_since(acquired)))
+        if shape.fields.fit_valid:
+            self._poses.publish(lambda: pose_message(shape.message))
         self.recognised += 1
         if self._view.is_wanted or self._all_shapes.is_wanted:
             self._contacts.postpone(Step.SHOW, acquired, self._publish_more, contact, result, shape, acquired)
@@ -74,18 +76,18 @@ class ClassifierNode(StageNode):
     def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, acquired: float) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
         self._all_shapes.publish(self._all_shapes_of, contact, result, acquired)
-        self._view.publish(contact, shape.complete_message)
+        self._view.publish(contact, shape.message)
 
     def _all_shapes_of(self, contact: PadContact, largest: StreamedContact, acquired: float) -> ContactShapes:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)
-        shapes = [self._shape(contact, each, acquired).complete_message for each in results]
+        shapes = [self._shape(contact, each, acquired).message for each in results]
         together = shapes_message(contact, largest.contact.contacts, shapes)
         together.age = age_since(acquired)
         return together
 
     def _shape(self, contact: PadContact, result: StreamedContact, acquired: float) -> PadShape:
         shape = pad_shape(contact.frame, result, self._settings.method, self._settings.solid_height)
-        shape.message.age = age_since(acquired)
+        shape.fields.age = age_since(acquired)
         return shape
 
 

@@ -53,8 +53,8 @@ class GraspNode(StageNode):
         # These attributes are set before rclpy's constructor, because Kilted calls destroy_node even after a failed
         # constructor.
         self._steady = steady
-        # The chain updates the grasp, a ticker notices silences, and the executor answers requests. The lock covers no
-        # work of another stage, so a chain that hangs cannot hide a silence.
+        # The chain updates the grasp, a ticker notices silences, and the executor answers requests. A chain that hangs
+        # in another stage does not hold the lock, so it cannot hide a silence.
         self._lock = threading.RLock()
         self._acquired = dict.fromkeys(SIDES, -math.inf)  # when the latest taxels of each side were acquired [s]
         self._received = -math.inf  # time when the latest shape was received [s]
@@ -98,7 +98,7 @@ class GraspNode(StageNode):
             Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
         """
         stamp = seconds(shape.header.stamp)
-        result = side_result(shape.message, stamp if self._settings.lossless else acquired)
+        result = side_result(shape.fields, stamp if self._settings.lossless else acquired)
         with self._lock:
             self._acquired[side] = acquired
             self._received = self._steady()
@@ -166,12 +166,12 @@ class GraspNode(StageNode):
     def _grasp_at(self, now: float) -> CurrentGrasp:
         opening = self._opening.current()
         state = self._tracker.state(now, opening.gap)
-        sides = [self._latest[side].message for side in SIDES]
+        sides = [self._latest[side].fields for side in SIDES]
         return CurrentGrasp(state, sides, partial(grasp_message, state, sides, opening, self._settings.frame,
                                                   self._ages(), self._gripper))
 
     def _sides_message(self, state: GraspState) -> GraspSides:
-        sides = [self._latest[side].complete_message for side in SIDES]
+        sides = [self._latest[side].message for side in SIDES]
         return sides_message(state, sides, self._settings.frame, self._ages())
 
     def _ages(self) -> list[float]:

@@ -38,37 +38,37 @@ class PadShape:
 
     Parameters
     ----------
-    message
+    fields
         Received message, or an object with those of its fields that a grasp reads.
     result
-        Result from which these fields were created; None for a received message.
+        Result from which ``fields`` was created; None for a received message.
     solid_height
         Height of the solid to add [m]; 0 to add no solid.
     """
 
-    def __init__(self, message: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
-        self.message, self._result, self._solid_height = message, result, solid_height
+    def __init__(self, fields: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
+        self.fields, self._result, self._solid_height = fields, result, solid_height
 
     @cached_property
-    def complete_message(self) -> ContactShape:
+    def message(self) -> ContactShape:
         """Message with all its fields."""
-        return self.message if self._result is None else _complete(self.message, self._result, self._solid_height)
+        return self.fields if self._result is None else _complete(self.fields, self._result, self._solid_height)
 
     @property
     def header(self) -> Header:
-        return self.message.header
+        return self.fields.header
 
     @property
     def sequence(self) -> int:
-        return int(self.message.sequence)
+        return int(self.fields.sequence)
 
     @property
     def left_out(self) -> int:
-        return int(self.message.left_out)
+        return int(self.fields.left_out)
 
 
 def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> PadShape:
-    """Return the shape of a result as a message.
+    """Return the shape of a result.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
     seen, moments, fit = result.found.visibility, result.moments, result.fit
     pad_force, pad_force_is_bound = result.found.pad_force(moments)
     x, y = moments.centre_of_pressure
-    message = SimpleNamespace(
+    fields = SimpleNamespace(
         header=frame.header, sequence=frame.sequence, left_out=0, shape=number_of(fused.shape.value),
         class_name=fused.shape.value, unknown_reason=fused.reason, confidence=single(fused.confidence),
         class_names=[shape.value for shape in fused.probabilities],
@@ -107,8 +107,8 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         motion=motion_message(result.motion, seconds(frame.header.stamp)), fit_valid=fit is not None,
         pose=SimpleNamespace(pose=_pose(fit)))
     if fit is not None:
-        _add_fit(message, fit)
-    return PadShape(message, result, solid_height)
+        _add_fit(fields, fit)
+    return PadShape(fields, result, solid_height)
 
 
 def contact_pitch(message: ContactShape) -> float:
@@ -154,12 +154,12 @@ def _complete(fields: SimpleNamespace, result: StreamedContact, solid_height: fl
     return message
 
 
-def _add_fit(message: SimpleNamespace, fit: ShapeFit) -> None:
-    message.symmetry, message.handedness = fit.symmetry, fit.handedness
-    message.dimension_names, message.dimensions = fit.dimension_names, fit.dimensions
-    message.dimension_is_bound = fit.is_bound
-    message.parameter_names = fit.parameter_names
-    message.standard_deviations = np.sqrt(fit.covariance.diagonal()).tolist()
+def _add_fit(fields: SimpleNamespace, fit: ShapeFit) -> None:
+    fields.symmetry, fields.handedness = fit.symmetry, fit.handedness
+    fields.dimension_names, fields.dimensions = fit.dimension_names, fit.dimensions
+    fields.dimension_is_bound = fit.is_bound
+    fields.parameter_names = fit.parameter_names
+    fields.standard_deviations = np.sqrt(fit.covariance.diagonal()).tolist()
 
 
 def _pose(fit: ShapeFit | None) -> Pose:

@@ -124,7 +124,8 @@ class RecognitionFusion:
         passed = float('inf') if self._stamp is None else stamp - self._stamp
         touching = tuple(shape for shape in frame.probabilities if shape is not Shape.NONE)
         ends = frame.shape is Shape.NONE or frame.reason is UnknownReason.TOO_SMALL
-        if (ends is not self._is_over or frame.shape is Shape.NONE or touching != self._touching
+        begins_empty = frame.shape is Shape.NONE and self._shape is not Shape.NONE
+        if (ends is not self._is_over or begins_empty or touching != self._touching
                 or not 0 <= passed <= self._settings.max_gap):
             self.reset()
             passed = float('inf')
