@@ -20,7 +20,6 @@ from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.patch import joined, make_patch
 from tactile_node.shape.recogniser import FEWEST_TAXELS, KINDS, ShapeRecogniser
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass
-from tactile_node.shape.steepest_outline import steepest_outline
 from tactile_node.shape.support import SURE
 from tactile_node.taxel_frame import read_only
 
@@ -204,8 +203,7 @@ class _Examples(NamedTuple):
 
     @classmethod
     def of(cls, recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> '_Examples':
-        contacts = [(k, touch.pattern.values, steepest_outline(touch.pattern.values, joined(touch.pattern)))
-                    for k, touch in enumerate(touches)]
+        contacts = [(k, touch.pattern.values, joined(touch.pattern)) for k, touch in enumerate(touches)]
         patches = [(k, make_patch(values, mask), (values, mask)) for k, values, mask in contacts if mask.any()]
         if len({patch.graded for _, patch, _ in patches}) > 1:
             raise InputError('touches', expected='pressures, or on/off taxels', got='both',

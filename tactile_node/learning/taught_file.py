@@ -17,7 +17,6 @@ from tactile_node.contact.press import are_on_off
 from tactile_node.errors import ConfigurationError
 from tactile_node.learning.touches import Touch, TouchFrame
 from tactile_node.shape.patch import Patch, joined, make_patch
-from tactile_node.shape.steepest_outline import steepest_outline
 from tactile_node.shape.taught import HEAD_PARTS, HEAD_VERSION, MOST_TAUGHT, Head, digest_of, is_name, is_own
 
 TOUCH_VARIANTS = 16  #: Number of variants of each touch.
@@ -48,7 +47,7 @@ def examples_of(touches: Sequence[Touch], rng: np.random.Generator) -> Examples:
     numbers: list[int] = []
     recorded: list[bool] = []
     for number, touch in enumerate(touches):
-        own = [_patch_of(frame.values, frame.mask) for frame in (touch.middle, *touch.frames)]
+        own = [make_patch(frame.values, frame.mask) for frame in (touch.middle, *touch.frames)]
         for k in range(TOUCH_VARIANTS):
             variant = _variant(touch.frames[k % len(touch.frames)], rng)
             own += [] if variant is None else [variant]
@@ -73,14 +72,14 @@ def _variant(frame: TouchFrame, rng: np.random.Generator) -> Patch | None:
     values = ndimage.map_coordinates(_contact_alone(frame), np.tensordot(turn, at, 1) + centre[:, None, None],
                                      order=order)
     if on_off:
-        return _found_patch(values >= 0.5 * np.nanmax(frame.values))
+        return _patch(values >= 0.5 * np.nanmax(frame.values))
     along = rng.uniform(0, MOST_TILT) / reach
     towards = rng.uniform(0, 2 * np.pi)
     values *= 1 + along * (np.cos(towards) * at[1] + np.sin(towards) * at[0])
     known = frame.values[frame.mask & np.isfinite(frame.values)]
     values += float(np.median(known)) * rng.uniform(*NOISE_RANGE) * rng.standard_normal(values.shape)
     values[rng.random(values.shape) < rng.uniform(0, MOST_DEAD)] = np.nan
-    return _found_patch(values)
+    return _patch(values)
 
 
 def _contact_alone(frame: TouchFrame) -> np.ndarray:
@@ -96,13 +95,9 @@ def _contact_alone(frame: TouchFrame) -> np.ndarray:
     return np.where(grown(grown(frame.mask)), values, 0.0)
 
 
-def _found_patch(values: np.ndarray) -> Patch | None:
+def _patch(values: np.ndarray) -> Patch | None:
     pattern = PatternExtractor().extract(values)
-    return _patch_of(pattern.values, joined(pattern)) if pattern.mask.any() else None
-
-
-def _patch_of(values: np.ndarray, mask: np.ndarray) -> Patch:
-    return make_patch(values, steepest_outline(values, mask))
+    return make_patch(pattern.values, joined(pattern)) if pattern.mask.any() else None
 
 
 NO_EXAMPLES = Examples([], np.zeros(0, int), np.zeros(0, bool))

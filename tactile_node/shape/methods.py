@@ -11,14 +11,15 @@ A contact passes these steps:
  2. A contact that has no shape is UNKNOWN (`shapeless.is_shapeless`).
  3. If hidden taxels matter, the frame gets further readings (`completions`). Steps 4 to 11 apply to each reading.
  4. Pieces of a torn contact are joined (`patch.joined`).
- 5. The outline is moved to where the readings fall steepest (`steepest_outline`).
- 6. A second, low outline is added, which steps 7 to 10 treat like the first one (`support.low_outline`).
- 7. The contact becomes a patch with its geometry (`patch.make_patch`, `invariants.describe_all`).
- 8. The networks and their calibrations give the probabilities (`recogniser.ShapeRecogniser.answers`).
- 9. A contact that is not convex is UNKNOWN (`support.is_convex`); taught shapes and the adaptation to a skin follow
+ 5. A second, low outline is added, which steps 6 to 9 treat like the first one (`support.low_outline`).
+ 6. The contact becomes a patch with its geometry (`patch.make_patch`, `invariants.describe_all`).
+ 7. The networks and their calibrations give the probabilities (`recogniser.ShapeRecogniser.answers`).
+ 8. A contact that is not convex is UNKNOWN (`support.is_convex`); taught shapes and the adaptation to a skin follow
     (`taught.join`, `adaptation`).
-10. The confidence is limited by the fit to the named figure (`support.as_far_as_it_fits`, `as_far_as_it_is_filled`).
-11. The confidence is limited by the answer for the low outline (`support.as_far_as_it_holds`).
+ 9. The confidence is limited by the fit to the named figure (`support.as_far_as_it_fits`, `as_far_as_it_is_filled`).
+10. The confidence is limited by the answer for the low outline (`support.as_far_as_it_holds`).
+11. If the contact has no sure name, steps 5 to 10 are repeated within the outline at which the readings fall steepest
+    (`steepest_outline`).
 12. The answers for all readings are averaged, an UNKNOWN contact gets its reason (`why_unfamiliar`), and a contact with
     too few taxels loses confidence (`support.as_far_as_supported`).
 

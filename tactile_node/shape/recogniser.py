@@ -29,6 +29,7 @@ from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
 from tactile_node.shape.steepest_outline import steepest_outline
 from tactile_node.shape.support import (
+    SURE,
     as_far_as_it_fits,
     as_far_as_it_holds,
     as_far_as_it_is_filled,
@@ -185,13 +186,23 @@ class ShapeRecogniser:
         return largest if gain > DOUBT_GAIN else whole
 
     def _verified(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
+        """Return the recognition of each contact, a pair of values and mask.
+
+        A contact without a sure name is recognised again within its `steepest_outline`.
+        """
+        found = self._held(contacts)
+        again = [(k, (values, steepest)) for k, (values, mask) in enumerate(contacts)
+                 if not _has_sure_name(found[k]) and (steepest := steepest_outline(values, mask)) is not mask]
+        for (k, _), each in zip(again, self._held([contact for _, contact in again])):
+            found[k] = each
+        return found
+
+    def _held(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Return the recognition of each contact, with the confidence limited by the contact's low outline.
 
-        A contact is a pair of values and mask, and is recognised within its `steepest_outline`. The contacts and their
-        low outlines are recognised in one call, which takes less time than two calls, even though only sure contacts
-        need their low outline.
+        The contacts and their low outlines are recognised in one call, which takes less time than two calls, even
+        though only sure contacts need their low outline.
         """
-        contacts = [(values, steepest_outline(values, mask)) for values, mask in contacts]
         low = [low_outline(*contact) for contact in contacts]
         lower = [(values, mask) for (values, _), mask in zip(contacts, low) if mask is not None]
         found = self._recognise_contacts([*contacts, *lower])
@@ -309,6 +320,10 @@ def _outlines(contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> dict[int, Pa
     """
     return {k: make_patch(np.where(np.isfinite(values), mask, np.nan), mask)
             for k, (values, mask) in enumerate(contacts) if np.count_nonzero(mask) >= FEWEST_TAXELS['on_off']}
+
+
+def _has_sure_name(found: Recognition) -> bool:
+    return found.shape not in (Shape.NONE, Shape.UNKNOWN) and found.confidence >= SURE
 
 
 def _as_foreign(probabilities: np.ndarray) -> np.ndarray:
