@@ -7,6 +7,7 @@ from tactile_node import Recogniser
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.shape.recognition import Shape
 from tactile_node.shape.steepest_outline import steepest_outline
+from tactile_node.shape.support import SURE
 
 PAD = (10, 16)
 
@@ -82,3 +83,28 @@ def test_taxels_without_a_value_do_not_end_a_contact():
 def test_a_contact_without_any_value_keeps_its_outline():
     mask = block()
     assert steepest_outline(np.full(PAD, np.nan), mask) is mask
+
+
+def torn_rectangle(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Return a rectangle of 6x10 taxels with uneven gains and a silent column, and its taxels."""
+    taxels = np.zeros((12, 16), bool)
+    taxels[3:9, 3:13] = True
+    taxels[:, 10] = False
+    return np.where(taxels, np.exp(0.25 * rng.standard_normal(taxels.shape)), 0.0), taxels
+
+
+def test_the_larger_piece_of_a_torn_rectangle_is_no_square():
+    recogniser = Recogniser()
+    for seed in range(20):
+        values, taxels = torn_rectangle(np.random.default_rng(seed))
+        values[:, 11:13] *= 0.6  # the smaller piece presses less
+        found = recogniser.recognise(ContactPattern.of(taxels, values))
+        assert found.shape is not Shape.SQUARE
+
+
+def test_a_name_that_only_the_steepest_outline_shows_is_not_sure():
+    recogniser = Recogniser()
+    for seed in range(20):
+        values = with_spill(np.random.default_rng(seed))
+        found = recogniser.recognise(ContactPattern.of(values > 0.2, values))
+        assert found.confidence < SURE

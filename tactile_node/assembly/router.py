@@ -137,28 +137,22 @@ class Router:
             if frames := assembler.feed(can_id, data, stamp):
                 self._deliver(name, frames)
 
-    def feed_message(self, message: can.Message, stamp: float | None = None, after: float | None = None) -> None:
-        """Process any python-can message.
+    def feed_message(self, message: can.Message) -> None:
+        """Process a python-can message with its own timestamp.
 
         A message that is not a data frame with an 11-bit identifier is counted, and occupies the bus.
-
-        Parameters
-        ----------
-        message : can.Message
-            The message.
-        stamp : float or None
-            Stamp of the message [s]; None for its own timestamp.
-        after : float or None
-            As for `feed`.
         """
         kind = non_data_kind(message)
-        stamp = message.timestamp if stamp is None else stamp
         if kind is None:
-            self.feed(message.arbitration_id, bytes(message.data), stamp, after)
+            self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
         else:
             self._counts[kind] += 1
-            saw = self.free_bus.saw_error if message.is_error_frame else self.free_bus.saw_frame
-            saw(stamp)
+            self.saw_other(message, message.timestamp)
+
+    def saw_other(self, message: can.Message, stamp: float) -> None:
+        """Record that a message without data occupied the bus at ``stamp`` [s]."""
+        saw = self.free_bus.saw_error if message.is_error_frame else self.free_bus.saw_frame
+        saw(stamp)
 
     def end(self) -> None:
         """End the last period of each pad, because no more CAN frames will follow."""

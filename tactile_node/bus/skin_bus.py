@@ -268,7 +268,7 @@ class SkinBus:
     def facts(self) -> BusFacts:
         """Return the counts since construction. The state of the bus and its nodes is known to the `Supervisor`."""
         counted, traffic = self._router.facts(), self.traffic
-        can_frames = Counter(counted.can_frames) + Counter(traffic.lost_others)
+        can_frames = Counter(counted.can_frames) + Counter(traffic.others)
         return replace(
             counted, can_frames=dict(can_frames), error_frames=can_frames['error'], queue_overruns=traffic.overruns,
             sync_overruns=self.sync.overruns, sync_pauses=self.sync.pause.count,

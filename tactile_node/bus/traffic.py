@@ -55,7 +55,7 @@ class Traffic:
 
         #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped
         self.overruns = 0
-        self.lost_others: Counter[str] = Counter()  #: other messages lost because the queue was full, by kind
+        self.others: Counter[str] = Counter()  #: messages without data, by kind, counted when they are received
         self._last_arrival = -inf  # stamp before which all messages so far had arrived
         self._is_gap = True  # True if messages before the next batch may be missing
         self._read_at = 0.0  # time at which the last batch was read, on the steady clock
@@ -96,9 +96,7 @@ class Traffic:
             self.chain.post(self._feed, stamped, self._arrival(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
-            kinds = [non_data_kind(message) for message in batch.messages]
-            self.overruns += kinds.count(None)
-            self.lost_others.update(kind for kind in kinds if kind is not None)
+            self.overruns += [non_data_kind(message) for message in batch.messages].count(None)
 
     def _arrival(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
@@ -133,13 +131,19 @@ class Traffic:
                 not_free = max(0.0, after - self._last_arrival - most_free)
                 self._router.free_bus.was_unobserved(after, not_free)
                 self._last_arrival = until
-            self._router.feed_message(message, stamp, after)
+            if non_data_kind(message) is None:
+                self._router.feed(message.arbitration_id, bytes(message.data), stamp, after)
+            else:
+                self._router.saw_other(message, stamp)
 
     def _observe(self, message: can.Message) -> None:
-        """Feed a message to the monitor, and report bus-off."""
-        if non_data_kind(message) is None:
+        """Feed a message to the monitor, count it if it has no data, and report bus-off."""
+        kind = non_data_kind(message)
+        if kind is None:
             self._monitor.feed(message.arbitration_id, bytes(message.data))
-        elif not message.is_error_frame:
+            return
+        self.others[kind] += 1
+        if not message.is_error_frame:
             self._monitor.feed_other(message)
         elif self._monitor.feed_error(message):
             self._on_failure(BusFault.BUS_OFF, BusError(

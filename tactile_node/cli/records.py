@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from tactile_node.cli.frame_png import DEFAULT_GREYS
 from tactile_node.cli.options import add_output_option
 from tactile_node.contact.press import PRESS_FRACTION, RELEASE_FRACTION
+from tactile_node.errors import ConfigurationError
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.taxel_frame import PRESS_BY_UNIT
 
@@ -24,6 +25,9 @@ def write_records(records: Iterable[Record], args: argparse.Namespace) -> None:
         for line in lines:  # one line at a time, so that a pipe receives each result immediately
             sys.stdout.write(line)
         return
+    if args.output == '-':
+        raise ConfigurationError('output', expected='the name of a file', got='-',
+                                 remedy='Leave out the option to write to standard output.')
     check_writable(args.output, args.frames, force=args.force)
     with output_file(args.output, args.frames) as stream:
         stream.writelines(map(str.encode, lines))

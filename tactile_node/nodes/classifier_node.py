@@ -12,6 +12,7 @@ from tactile_node.nodes.run import run_node
 from tactile_node.nodes.stage import StageInput, StageOutput, Stages
 from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.view_topics import ShapeView
+from tactile_node.pose.events import Event
 from tactile_node.pose.pipeline import DEFAULT_FUSION, ContactPipeline, StreamedContact
 from tactile_node.ros.contact_messages import PadContact, pad_contact_of
 from tactile_node.ros.message_age import age_since
@@ -66,17 +67,21 @@ class ClassifierNode(StageNode):
             self._shapes.send(shape, acquired)
         finally:  # no later frame reports these events again
             for event in result.motion.events:
-                self._events.publish(event_message(event, contact.header, contact.sequence, age_since(acquired)))
+                self._contacts.attempt(self._publish_event, event, contact, acquired)
         if shape.fields.fit_valid:
             self._poses.publish(lambda: pose_message(shape.message))
         self.recognised += 1
         if self._view.is_wanted or self._all_shapes.is_wanted:
             self._contacts.postpone(Step.SHOW, acquired, self._publish_more, contact, result, shape, acquired)
 
+    def _publish_event(self, event: Event, contact: PadContact, acquired: float) -> None:
+        self._events.publish(event_message(event, contact.header, contact.sequence, age_since(acquired)))
+
     def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, acquired: float) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
         self._all_shapes.publish(self._all_shapes_of, contact, result, acquired)
-        self._view.publish(contact, shape.message)
+        if self._view.is_wanted:
+            self._view.publish(contact, shape.message)
 
     def _all_shapes_of(self, contact: PadContact, largest: StreamedContact, acquired: float) -> ContactShapes:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)

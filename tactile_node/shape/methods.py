@@ -18,8 +18,8 @@ A contact passes these steps:
     (`taught.join`, `adaptation`).
  9. The confidence is limited by the fit to the named figure (`support.as_far_as_it_fits`, `as_far_as_it_is_filled`).
 10. The confidence is limited by the answer for the low outline (`support.as_far_as_it_holds`).
-11. If the contact has no sure name, steps 5 to 10 are repeated within the outline at which the readings fall steepest
-    (`steepest_outline`).
+11. If a contact of one piece has no sure name, steps 5 to 10 are repeated within the outline at which the readings fall
+    steepest (`steepest_outline`).
 12. The answers for all readings are averaged, an UNKNOWN contact gets its reason (`why_unfamiliar`), and a contact with
     too few taxels loses confidence (`support.as_far_as_supported`).
 

@@ -19,7 +19,9 @@ from typing import NamedTuple
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile
 
 import numpy as np
+from scipy import ndimage
 
+from tactile_node.contact.neighbours import EIGHT_CONNECTED
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import ConfigurationError
 from tactile_node.shape.adaptation import Adaptation, read_adaptations
@@ -30,6 +32,7 @@ from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, Taugh
 from tactile_node.shape.steepest_outline import steepest_outline
 from tactile_node.shape.support import (
     SURE,
+    UNSUPPORTED,
     as_far_as_it_fits,
     as_far_as_it_holds,
     as_far_as_it_is_filled,
@@ -188,13 +191,15 @@ class ShapeRecogniser:
     def _verified(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
         """Return the recognition of each contact, a pair of values and mask.
 
-        A contact without a sure name is recognised again within its `steepest_outline`.
+        A contact without a sure name is recognised again within its `steepest_outline`. A name that only this outline
+        shows is not sure. Joined pieces keep their outlines, because the steepest outline contains a single piece.
         """
         found = self._held(contacts)
         again = [(k, (values, steepest)) for k, (values, mask) in enumerate(contacts)
-                 if not _has_sure_name(found[k]) and (steepest := steepest_outline(values, mask)) is not mask]
+                 if not _has_sure_name(found[k]) and ndimage.label(mask, EIGHT_CONNECTED)[1] == 1
+                 and (steepest := steepest_outline(values, mask)) is not mask]
         for (k, _), each in zip(again, self._held([contact for _, contact in again])):
-            found[k] = each
+            found[k] = each.no_surer_than(UNSUPPORTED, UnknownReason.UNSTABLE) if _has_sure_name(each) else each
         return found
 
     def _held(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
