@@ -336,8 +336,9 @@ def test_the_command_reports_and_writes_a_file_that_changes_the_answers_and_is_n
     """A second adaptation from the same touches improves too little to be kept."""
     output, picture = recordings / 'skin.npz', recordings / 'reliability.png'
     assert main([*words_of(recordings, *EVERY), '-o', str(output), '--picture', str(picture)]) == 0
-    told = capsys.readouterr().out
-    assert 'kept, with temperature' in told and 'spread of the gains' in told
+    printed = capsys.readouterr().out
+    assert 'kept, with temperature' in printed
+    assert 'spread of the gains' in printed
     assert picture.read_bytes().startswith(b'\x89PNG')
     assert main(['classify', str(recordings / 'l.npy'), '--model', str(output)]) == 0
     adapted = capsys.readouterr().out

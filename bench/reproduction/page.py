@@ -27,7 +27,10 @@ tr.paper { color: #c2410c } tr:nth-child(even) { background: #f6f6f6 }
 figure { display: inline-block; margin: 1em 1em 1em 0; vertical-align: top } figure.wide { display: block }
 figcaption { font-size: 13px; color: #555; max-width: 44em } small { color: #777 }
 td { white-space: nowrap } td:first-child { white-space: normal }'''
-PAGE_FILE, TABLES = 'index.html', ('rates.csv', 'lost.csv', 'confusion.csv')
+#: Name of the page in the output folder.
+PAGE_FILE = 'index.html'
+#: Names of the tables beside the page: rates by size, patterns that each plane loses, and confused classes.
+TABLES = ('rates.csv', 'lost.csv', 'confusion.csv')
 INTERVALS = 'Recognition rate with 95 % intervals (Wilson). Stars mark the published rates.'
 PAGE = Template('''<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Volf, Dvořák, Vlček: re-drawn and re-measured</title>

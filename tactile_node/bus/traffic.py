@@ -89,14 +89,15 @@ class Traffic:
         self.overruns += batch.dropped
         stamped = []
         for message in batch.messages:
-            self._observe(message)
-            stamped.append((message, inf if message.is_error_frame else self.clock.of(message.timestamp)))
+            kind = non_data_kind(message)
+            self._observe(message, kind)
+            stamped.append((message, kind, inf if message.is_error_frame else self.clock.of(message.timestamp)))
         if self._posted - self._fed + len(stamped) <= self._queue_limit:
             self._posted += len(stamped)
             self.chain.post(self._feed, stamped, self._arrival(batch), self._most_free(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
-            self.overruns += [non_data_kind(message) for message in batch.messages].count(None)
+            self.overruns += sum(kind is None for _, kind, _ in stamped)
 
     def _arrival(self, batch: Batch) -> tuple[float, float] | None:
         """Return the two stamps between which all frames of a batch arrived.
@@ -118,27 +119,26 @@ class Traffic:
         before, self._read_at = self._read_at, read
         return 0.0 if is_gap else max(0.0, after - before)
 
-    def _feed(self, stamped: list[tuple[can.Message, float]], arrival: tuple[float, float] | None,
+    def _feed(self, stamped: list[tuple[can.Message, str | None, float]], arrival: tuple[float, float] | None,
               most_free: float) -> None:
-        """Feed the messages of a batch with their stamps to the router, on the chain thread.
+        """Feed the messages of a batch, with their kinds and stamps, to the router, on the chain thread.
 
         If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
         """
         self._fed += len(stamped)
-        for message, stamp in stamped:
+        for message, kind, stamp in stamped:
             after, until = arrival or (stamp, stamp)
             if not message.is_error_frame:
                 not_free = max(0.0, after - self._last_arrival - most_free)
                 self._router.free_bus.was_unobserved(after, not_free)
                 self._last_arrival = until
-            if non_data_kind(message) is None:
+            if kind is None:
                 self._router.feed(message.arbitration_id, bytes(message.data), stamp, after)
             else:
                 self._router.saw_other(message, stamp)
 
-    def _observe(self, message: can.Message) -> None:
+    def _observe(self, message: can.Message, kind: str | None) -> None:
         """Feed a message to the monitor, count it if it has no data, and report bus-off."""
-        kind = non_data_kind(message)
         if kind is None:
             self._monitor.feed(message.arbitration_id, bytes(message.data))
             return
