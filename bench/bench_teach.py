@@ -25,7 +25,7 @@ import numpy as np
 from bench.recognition import foreign, mechanics
 from bench.recognition.stamp import pressed
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
-from tactile_node.learning.head_fit import load_background
+from tactile_node.learning.background import load_background
 from tactile_node.learning.taught_file import examples_of, write_taught
 from tactile_node.learning.teach import Rate, Taught, teach
 from tactile_node.learning.touches import TouchFinder

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_node.learning.head_fit import Background, load_background
+from tactile_node.learning.background import Background, load_background
 from tactile_node.learning.taught_file import examples_of, write_taught
 from tactile_node.learning.teach import teach
 from tactile_node.learning.touches import TouchFinder

@@ -27,7 +27,6 @@ from tactile_node.cli.options import (
 from tactile_node.cli.touch_sources import OfLastName, touches_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.assess import (
-    LEAST_CLASSES,
     LEAST_TOUCHES,
     Answers,
     Assessment,
@@ -129,13 +128,17 @@ def _report(found: Assessment) -> Iterator[str]:
     yield 'As the model is, with 95 % intervals:'
     yield from _table(found.before)
     if found.improvement is None or found.after is None:
-        yield f'No adaptation was tried. It needs at least {LEAST_TOUCHES} touches and {LEAST_CLASSES} names.'
+        yield f'No adaptation was tried. It needs at least {LEAST_TOUCHES} touches.'
         return
     yield 'Adapted, each touch answered by an adaptation that was fitted without it:'
     yield from _table(found.after)
     kept = (f'kept, with temperature {found.adaptation.temperature:.2f}' if found.adaptation
             else 'not kept, because the improvement is too small or too uncertain')
     yield f'The adaptation improves the Brier score by {found.improvement}: {kept}.'
+    if found.adaptation and found.adaptation.names == 1:
+        yield ('All touches have the same name, so it is not known how this skin shows other objects. Other objects '
+               'may get this name more often. Therefore the adaptation makes no answer sure. Press other objects as '
+               'well.')
 
 
 def _table(answers: Answers) -> Iterator[str]:

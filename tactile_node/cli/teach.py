@@ -26,7 +26,7 @@ from tactile_node.cli.options import (
 from tactile_node.cli.progress import count_progress
 from tactile_node.cli.touch_sources import OfLastName, touches_of
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.learning.head_fit import load_background
+from tactile_node.learning.background import load_background
 from tactile_node.learning.taught_file import NO_EXAMPLES, Examples, check_name, examples_of, write_taught
 from tactile_node.learning.teach import (
     LEAST_RIGHT,

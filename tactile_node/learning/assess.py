@@ -1,12 +1,13 @@
 """Assess how reliable recognition is on a skin, from touches of known objects, and adapt the recogniser if that helps.
 
-The adaptation consists of a temperature, plus a bias and weights for each class of the touched objects
-(shape/adaptation.py). To judge the adaptation, the recogniser applies all its rules to held-out touches, with an
-adaptation that was fitted without these touches. The adaptation is kept only if it improves the Brier score of the
-held-out touches.
+The adaptation consists of a temperature, plus a bias and weights for each class (shape/adaptation.py). The adaptation
+is fitted to the touches and to background contacts of many other objects. The background contacts should be answered as
+before. Without them, an adaptation to a few objects would learn to answer every contact with the name of one of these
+objects. To judge the adaptation, the recogniser applies all its rules to held-out touches, with an adaptation that was
+fitted without these touches. The adaptation is kept only if it improves the Brier score of the held-out touches.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.optimize import minimize
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
+from tactile_node.learning.background import Background, load_background, seen_by
 from tactile_node.learning.teach import Rate
 from tactile_node.shape.adaptation import LEAST_PROBABILITY, Adaptation
 from tactile_node.shape.methods import VisibilityGuard
@@ -24,11 +26,10 @@ from tactile_node.shape.support import SURE
 from tactile_node.taxel_frame import read_only
 
 FOLDS = 8           #: Number of parts into which the touches are divided. Each part is held out once.
-LEAST_TOUCHES = 24  #: Smallest total number of touches to which an adaptation is fitted.
-
-#: Smallest number of classes among the touches to which an adaptation is fitted. From a single class, the adaptation
-#: would learn to report only this class.
-LEAST_CLASSES = 2
+LEAST_TOUCHES = 8   #: Smallest total number of touches to which an adaptation is fitted.
+#: Number of touches that all background contacts together count as. With 1000, the adaptation hardly improved the
+#: Tekscan array. With 30, more objects without a touch were named wrongly on the ViTac and Weiss arrays.
+BACKGROUND_TOUCHES = 100.0
 #: Smallest improvement of the mean Brier score for which an adaptation is kept. If the recogniser is nearly always
 #: right, an adaptation improves the score by less than this, even if the improvement is certain.
 LEAST_IMPROVEMENT = 0.01
@@ -40,6 +41,8 @@ BIAS_SPREAD = 2.0
 #: Prior standard deviation of a weight. On the same simulated skins, smaller values improved the score less. Larger
 #: values made the recognition worse for unknown objects that had not been touched.
 WEIGHT_SPREAD = 0.18
+#: Relative change of the loss at which a fit ends. A smaller change alters no probability by 0.001.
+FITTED = 1e-6
 CONFIDENCE_LIMITS = 0.0, 0.5, 0.7, 0.9, 1.0  #: Limits between the groups of recognitions with similar confidence.
 NAMELESS = Shape.UNKNOWN, Shape.NONE
 
@@ -148,7 +151,8 @@ class Assessment(NamedTuple):
     adaptation: Adaptation | None = None     #: adaptation to the skin, or None if none is kept
 
 
-def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Assessment:
+def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
+           background: Callable[[str], Background] = load_background) -> Assessment:
     """Assess a recogniser with touches on one skin, and fit an adaptation to all touches if that helps.
 
     Parameters
@@ -158,6 +162,8 @@ def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Ass
         adaptation replaces the recogniser's own.
     touches : Sequence[LabelledTouch]
         Touches on one skin.
+    background : callable
+        Function that returns the background contacts for a kind of frame.
 
     Returns
     -------
@@ -172,8 +178,9 @@ def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> Ass
     labels = [touch.label for touch in touches]
     before = Answers(labels, _answers(recogniser, touches))
     examples = _Examples.of(recogniser.adapted({}), touches)
-    if len(examples.truth) < LEAST_TOUCHES or len(np.unique(examples.truth)) < LEAST_CLASSES:
+    if len(examples.touch) < LEAST_TOUCHES:
         return Assessment(before)
+    examples = examples.joined(_Examples.of_background(recogniser, examples.kind, background(examples.kind)))
     folds = np.array([labels[:k].count(label) % FOLDS for k, label in enumerate(labels)])
     found = list(before.found)
     for fold in range(FOLDS):
@@ -193,16 +200,18 @@ def _answers(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> l
 
 
 class _Examples(NamedTuple):
-    """K touches to which an adaptation of N outputs is fitted. Touches with too few taxels are excluded."""
+    """K contacts of one kind of frame, to which an adaptation of N outputs is fitted."""
 
     logits: np.ndarray     #: (K, N), logarithms of the probabilities without an adaptation
     embedding: np.ndarray  #: (K, F), embedding of the contacts
-    truth: np.ndarray      #: (K,), index of the output that belongs to the label
-    touch: np.ndarray      #: (K,), index of the touch
+    targets: np.ndarray    #: (K, N), probabilities that the adaptation should give
+    weights: np.ndarray    #: (K,), number of touches that each contact counts as
+    touch: np.ndarray      #: (K,), index of the touch, or -1 for a background contact
     kind: str              #: kind of frame, or '' if there are no touches
 
     @classmethod
     def of(cls, recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> '_Examples':
+        """Return the contacts of the touches. Touches with too few taxels are excluded."""
         contacts = [(k, touch.pattern.values, joined(touch.pattern)) for k, touch in enumerate(touches)]
         patches = [(k, make_patch(values, mask), (values, mask)) for k, values, mask in contacts if mask.any()]
         if len({patch.graded for _, patch, _ in patches}) > 1:
@@ -210,51 +219,63 @@ class _Examples(NamedTuple):
                              remedy='Assess recognition from touches on one skin.')
         used = [each for each in patches if np.count_nonzero(each[2][1]) >= FEWEST_TAXELS[KINDS[each[1].graded]]]
         if not used:
-            return cls(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0, int), np.zeros(0, int), '')
+            empty = np.zeros((0, 0))
+            return cls(empty, empty, empty, np.zeros(0), np.zeros(0, int), '')
         numbers, usable, shown = zip(*used)
         answers = recogniser.answers(usable, shown)
-        return cls(np.log(np.maximum(answers.probabilities, LEAST_PROBABILITY)), answers.embedding,
-                   np.array([recogniser.outputs.index(touches[k].label) for k in numbers]), np.array(numbers),
-                   KINDS[usable[0].graded])
+        truth = [recogniser.outputs.index(touches[k].label) for k in numbers]
+        return cls(_logits(answers.probabilities), answers.embedding, np.eye(len(recogniser.outputs))[truth],
+                   np.ones(len(numbers)), np.array(numbers), KINDS[usable[0].graded])
+
+    @classmethod
+    def of_background(cls, recogniser: ShapeRecogniser, kind: str, background: Background) -> '_Examples':
+        """Return the background contacts, which should be answered as without an adaptation."""
+        seen = seen_by(recogniser, background.patches)
+        found = recogniser.with_taught(kind, seen.known, seen.embedding, seen.log_taxels)
+        count = len(found)
+        return cls(_logits(found), seen.embedding, found, np.full(count, BACKGROUND_TOUCHES / max(count, 1)),
+                   np.full(count, -1), kind)
+
+    def joined(self, others: '_Examples') -> '_Examples':
+        return _Examples(np.vstack((self.logits, others.logits)), np.vstack((self.embedding, others.embedding)),
+                         np.vstack((self.targets, others.targets)), np.append(self.weights, others.weights),
+                         np.append(self.touch, others.touch), self.kind)
 
     def without(self, touches: Sequence[int]) -> '_Examples':
         kept = ~np.isin(self.touch, touches)
-        return _Examples(self.logits[kept], self.embedding[kept], self.truth[kept], self.touch[kept], self.kind)
+        return _Examples(self.logits[kept], self.embedding[kept], self.targets[kept], self.weights[kept],
+                         self.touch[kept], self.kind)
 
     def fitted(self) -> Adaptation:
-        """Return the adaptation with the highest posterior probability.
-
-        Only the classes of touched objects get biases and weights. The mean of the biases and weights over these
-        classes is 0, so that the adaptation neither prefers nor excludes the other classes.
-        """
+        """Return the adaptation with the highest posterior probability."""
         outputs = self.logits.shape[1]
-        touched = np.unique(self.truth)
-        is_truth = self.truth[:, None] == np.arange(outputs)
-        inputs = np.column_stack((np.ones(len(self.truth)), self.embedding))
+        inputs = np.column_stack((np.ones(len(self.logits)), self.embedding))
+        weights = self.weights[:, None]
         spreads = np.full((inputs.shape[1], 1), WEIGHT_SPREAD)
         spreads[0] = BIAS_SPREAD
 
-        def matrix_of(flat: np.ndarray) -> np.ndarray:
-            matrix = np.zeros((inputs.shape[1], outputs))
-            matrix[:, touched] = flat.reshape(-1, len(touched))
-            return matrix
-
         def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
-            log_temperature, matrix = parameters[0], matrix_of(parameters[1:])
+            log_temperature, matrix = parameters[0], parameters[1:].reshape(-1, outputs)
             cooled = self.logits * np.exp(-log_temperature)
             scaled = cooled + inputs @ matrix
             scaled -= scaled.max(1, keepdims=True)
             log_odds = scaled - np.log(np.exp(scaled).sum(1, keepdims=True))
-            error = np.exp(log_odds) - is_truth
-            slope = (inputs.T @ error + matrix / spreads ** 2)[:, touched]
-            slope -= slope.mean(1, keepdims=True)  # the mean over the classes must stay 0
+            error = weights * (np.exp(log_odds) - self.targets)
+            slope = inputs.T @ error + matrix / spreads ** 2
             prior = (log_temperature / TEMPERATURE_SPREAD) ** 2 + ((matrix / spreads) ** 2).sum()
-            return prior / 2 - log_odds[is_truth].sum(), np.append(
+            return prior / 2 - (weights * self.targets * log_odds).sum(), np.append(
                 log_temperature / TEMPERATURE_SPREAD ** 2 - (error * cooled).sum(), slope)
 
-        best = minimize(loss, np.zeros(1 + inputs.shape[1] * len(touched)), jac=True, method='L-BFGS-B').x
-        matrix = matrix_of(best[1:])
-        return Adaptation(float(np.exp(best[0])), read_only(matrix[0]), read_only(matrix[1:]))
+        best = minimize(loss, np.zeros(1 + inputs.shape[1] * outputs), jac=True, method='L-BFGS-B',
+                        options={'ftol': FITTED}).x
+        matrix = best[1:].reshape(-1, outputs)
+        names = len(np.unique(self.targets[self.touch >= 0].argmax(1)))
+        return Adaptation(float(np.exp(best[0])), read_only(matrix[0]), read_only(matrix[1:]), names)
+
+
+def _logits(probabilities: np.ndarray) -> np.ndarray:
+    found: np.ndarray = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+    return found
 
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tactile_node.errors import InputError
-from tactile_node.learning.head_fit import FOREIGN, Background, Seen, fit_head, seen_by
+from tactile_node.learning.background import FOREIGN, Background, Seen, seen_by
+from tactile_node.learning.head_fit import fit_head
 from tactile_node.learning.taught_file import Examples
 from tactile_node.shape.recogniser import OUTPUTS, ShapeRecogniser
 from tactile_node.shape.taught import Head, join

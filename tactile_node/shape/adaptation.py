@@ -6,7 +6,8 @@
 - A linear function of the network's embedding is added to the logarithms, because a skin may make one shape look like
   another.
 
-The networks and the heads of taught shapes do not change.
+The networks and the heads of taught shapes do not change. If all touches had the same name, the adaptation has not seen
+how this skin shows other objects. Such an adaptation makes no class sure.
 """
 
 from collections.abc import Mapping
@@ -14,9 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_node.shape.support import SURE, UNSUPPORTED
 from tactile_node.taxel_frame import read_only
 
-ADAPTATION_VERSION = 2      #: Version of the adaptation's arrays in a file.
+ADAPTATION_VERSION = 3      #: Version of the adaptation's arrays in a file.
 ADAPTATION_MARK = '_skin_'  #: Part of the name of each array that belongs to an adaptation.
 LEAST_PROBABILITY = 1e-6    #: Lower limit of a probability, so that the adaptation can make every class likelier.
 
@@ -30,6 +32,7 @@ class Adaptation(NamedTuple):
     temperature: float
     biases: np.ndarray   #: (N,)
     weights: np.ndarray  #: (F, N)
+    names: int           #: number of different names among the touches
 
     def applied(self, probabilities: np.ndarray, embedding: np.ndarray) -> np.ndarray:
         """Return the adapted probabilities.
@@ -48,13 +51,18 @@ class Adaptation(NamedTuple):
 
         Examples
         --------
-        >>> Adaptation(2.0, np.zeros(2), np.zeros((1, 2))).applied(np.array([[0.9, 0.1]]), np.ones((1, 1))).round(4)
+        >>> Adaptation(2.0, np.zeros(2), np.zeros((1, 2)), 2).applied(np.array([[0.9, 0.1]]), np.ones((1, 1))).round(4)
         array([[0.75, 0.25]])
         """
         logits = np.log(np.maximum(probabilities, LEAST_PROBABILITY)) / self.temperature
         logits += self.biases + embedding @ self.weights
         odds = np.exp(logits - logits.max(1, keepdims=True))
         adapted: np.ndarray = odds / odds.sum(1, keepdims=True)
+        if self.names == 1:
+            made_sure = (adapted >= SURE) & (probabilities < SURE)
+            others = np.where(made_sure, 0.0, adapted) + np.finfo(float).tiny
+            rest = others * (1 - UNSUPPORTED) / others.sum(1, keepdims=True)
+            adapted = np.where(made_sure.any(1, keepdims=True), np.where(made_sure, UNSUPPORTED, rest), adapted)
         return adapted
 
 
@@ -90,13 +98,14 @@ def _adaptation(data: Mapping[str, np.ndarray], kind: str, outputs: int, width: 
         raise ValueError(f'an adaptation to a skin of version {version}, not {ADAPTATION_VERSION}')
     arrays = [data[f'{kind}{ADAPTATION_MARK}{part}'] for part in Adaptation._fields]
     shapes = [array.shape for array in arrays]
-    if shapes != [(), (outputs,), (width, outputs)] or any(array.dtype.kind != 'f' for array in arrays):
+    if shapes != [(), (outputs,), (width, outputs), ()] or [array.dtype.kind for array in arrays] != [*'fffi']:
         raise ValueError(f'an adaptation to a skin that does not fit {outputs} outputs and {kind} frames')
-    temperature, biases, weights = (read_only(array.astype(float)) for array in arrays)
-    if temperature < 1 / LARGEST_NUMBER or any(np.abs(each).max() > LARGEST_NUMBER
+    temperature, biases, weights = (read_only(array.astype(float)) for array in arrays[:3])
+    names = int(arrays[3])
+    if names < 1 or temperature < 1 / LARGEST_NUMBER or any(np.abs(each).max() > LARGEST_NUMBER
                                                for each in (temperature, biases, weights)):
         raise ValueError('an adaptation with numbers out of range')
-    return Adaptation(float(temperature), biases, weights)
+    return Adaptation(float(temperature), biases, weights, names)
 
 
 def arrays_of(kind: str, adaptation: Adaptation) -> dict[str, np.ndarray]:

@@ -265,13 +265,10 @@ class ShapeRecogniser:
         # are not checked, because silent lines break the rim of such a contact into pieces that do not look convex.
         convex = np.array([not patch.graded or is_convex(*contact) for patch, contact in zip(patches, contacts)])
         known[~convex] = _as_foreign(known[~convex])
-        if kind in self._heads:
-            known = join(known, self._heads[kind].evidence(embedding, log_taxels))
-        elif self._taught:
-            known = np.pad(known, ((0, 0), (0, len(self._taught))))
+        probabilities = self.with_taught(kind, known, embedding, log_taxels)
         if kind in self._adaptations:
-            known = self._adaptations[kind].applied(known, embedding)
-        return NetworkAnswers(known, embedding, geometry)
+            probabilities = self._adaptations[kind].applied(probabilities, embedding)
+        return NetworkAnswers(probabilities, embedding, geometry)
 
     def embedding(self, patches: Sequence[Patch], geometry: np.ndarray) -> np.ndarray:
         """Return the embedding of K patches, from which the heads and adaptations compute their results.
@@ -290,6 +287,29 @@ class ShapeRecogniser:
         """
         images = np.array([(patch.level, patch.unseen) for patch in patches], np.float32).transpose(0, 2, 3, 1)
         return self._networks[KINDS[patches[0].graded]].embedding(images, geometry)
+
+    def with_taught(self, kind: str, known: np.ndarray, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
+        """Return the probabilities of the recogniser's ``outputs``, without adaptations.
+
+        Parameters
+        ----------
+        kind : str
+            Kind of frame, one of KINDS.
+        known : np.ndarray
+            Probabilities of OUTPUTS, (K, 6).
+        embedding : np.ndarray
+            Embedding of the contacts, (K, network.width).
+        log_taxels : np.ndarray
+            Logarithm of the number of taxels of each contact, (K,).
+
+        Returns
+        -------
+        np.ndarray
+            Probabilities, (K, outputs).
+        """
+        if kind in self._heads:
+            return join(known, self._heads[kind].evidence(embedding, log_taxels))
+        return np.pad(known, ((0, 0), (0, len(self._taught)))) if self._taught else known
 
     def known(self, kind: str, embedding: np.ndarray, log_taxels: np.ndarray) -> np.ndarray:
         """Return the probabilities of OUTPUTS, without taught shapes and adaptations.
