@@ -31,6 +31,15 @@ SHAPES = {
 }
 
 
+def test_a_contact_whose_corners_reach_three_edges_shows_its_width():
+    """A block of 24 mm on a pad of 8 rows reaches the edges with few taxels. A band along three edges does not end."""
+    block = np.zeros((8, 16), bool)
+    block[1:7, 1:7] = block[[0, 0, 7, 7], [3, 4, 3, 4]] = block[[3, 4], [0, 0]] = True
+    band = np.zeros((8, 16), bool)
+    band[:, :5] = True
+    assert not is_shapeless(of_taxels(block)) and is_shapeless(of_taxels(band))
+
+
 @pytest.mark.parametrize('mask', SHAPES.values(), ids=SHAPES)
 @pytest.mark.parametrize('specks', [0, 2])
 def test_a_contact_on_a_quiet_pad_is_not_due_to_chance(mask, specks):

@@ -17,7 +17,7 @@ from tactile_node.contact.neighbours import touches_edge
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.patch import join_pieces
-from tactile_node.shape.shapeless import is_shapeless
+from tactile_node.shape.shapeless import is_cut, is_shapeless
 
 TOUCH_FRAMES = 5         #: Number of frames kept from a touch.
 CENTRE_MOVED = 1.0       #: If the centre moves by more than this in one frame, another touch begins [pitches].
@@ -29,7 +29,7 @@ class Unused(IntEnum):
 
     NOT_KNOWN = 0
     SEVERAL_CONTACTS = 1
-    AT_EDGE = 2    #: the contact touches an edge of the pad
+    AT_EDGE = 2    #: the contact touches an edge of the pad, or is cut by it
     TOO_SMALL = 3
     HIDDEN = 4     #: too many taxels of the contact are dead, missing or stuck
     SHAPELESS = 5  #: the contact is ragged, is a line, or reaches across the pad, so that its shape is always UNKNOWN
@@ -195,7 +195,7 @@ def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
 
 
 class AnyTouchFinder(TouchFinder):
-    """Finds all touches that the pad's edge does not cut off, including unclear ones."""
+    """Finds all touches that no edge of the pad cuts, including unclear ones."""
 
     def _why_unusable(self, found: FoundContact) -> Unused | None:
-        return Unused.AT_EDGE if touches_edge(found.pattern.mask) else None
+        return Unused.AT_EDGE if is_cut(found.pattern.mask) else None

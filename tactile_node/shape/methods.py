@@ -49,7 +49,7 @@ from tactile_node.shape.recognition import (
     ShapeClass,
     UnknownReason,
 )
-from tactile_node.shape.shapeless import is_shapeless
+from tactile_node.shape.shapeless import is_cut, is_shapeless
 from tactile_node.shape.support import as_far_as_supported
 from tactile_node.shape.volf import VolfClassifier
 from tactile_node.taxel_frame import read_only
@@ -235,9 +235,6 @@ def _continued(pattern: ContactPattern) -> np.ndarray:
 COVERED_SHARE = 0.6  #: If a contact covers more than this share of the visible taxels, its outline is not visible.
 HOLLOW_TAXELS = 3    #: Smallest number of taxels in a hole. Uneven gains can cause smaller holes.
 
-#: A contact is cut by an edge of the pad if the number of its taxels at that edge exceeds this share of sqrt(taxels).
-CUT_SHARE = 0.5
-
 
 def why_unfamiliar(pattern: ContactPattern) -> UnknownReason:
     """Return the most obvious reason why a contact has none of the shapes.
@@ -254,6 +251,6 @@ def why_unfamiliar(pattern: ContactPattern) -> UnknownReason:
         return UnknownReason.SEVERAL_PARTS
     if np.count_nonzero(ndimage.binary_fill_holes(contact) & ~contact & seen) >= HOLLOW_TAXELS:
         return UnknownReason.HOLLOW
-    if max(map(np.count_nonzero, (contact[0], contact[-1], contact[:, 0], contact[:, -1]))) > CUT_SHARE * taxels ** 0.5:
+    if is_cut(contact):
         return UnknownReason.CUT_BY_EDGE
     return UnknownReason.UNFAMILIAR

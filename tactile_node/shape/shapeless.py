@@ -75,6 +75,8 @@ LARGEST = 0.4
 SMALL = 16
 #: Lowest pressure in the rim of a small contact, as a share of the contact's mean.
 PARTIAL = 0.25
+#: A contact is cut by an edge of the pad if the number of its taxels at that edge exceeds this share of sqrt(taxels).
+CUT_SHARE = 0.5
 #: Smallest negative logarithm of the probability that all taxels of a compact contact are pressed by chance.
 BEYOND_CHANCE = 15.0
 
@@ -86,7 +88,7 @@ def is_shapeless(pattern: ContactPattern) -> bool:
 
     - The contact is a group that may have formed by chance at the density of the pressed taxels beside it.
     - The contact is a line one taxel wide.
-    - The contact reaches three edges of the pad, so that its width is not seen.
+    - Three edges of the pad together cut the contact, so that its width is not seen.
     - The contact is a rise in the readings without an edge.
     - The contact is one piece of a noisy line, or a band of rows on a pad with hum.
 
@@ -143,12 +145,26 @@ def _is_line(taxels: np.ndarray) -> bool:
     return bool(np.count_nonzero(taxels) <= LINE_TAXELS * max(_extents(taxels)))
 
 
+def is_cut(contact: np.ndarray) -> bool:
+    """Return True if an edge of the pad cuts a contact.
+
+    >>> is_cut(np.eye(4, dtype=bool)), is_cut(np.eye(4) < 1)
+    (False, True)
+    """
+    return max(_taxels_at_edges(contact)) > CUT_SHARE * np.count_nonzero(contact) ** 0.5
+
+
+def _taxels_at_edges(contact: np.ndarray) -> list[int]:
+    return [np.count_nonzero(edge) for edge in (contact[0], contact[-1], contact[:, 0], contact[:, -1])]
+
+
 def _is_across(mask: np.ndarray) -> bool:
-    """Return True if the contact reaches three edges of the pad.
+    """Return True if the contact reaches three edges of the pad with so many taxels that an edge cuts it on average.
 
     A bar across the pad reaches only two edges and shows its width.
     """
-    return sum(bool(edge.any()) for edge in (mask[0], mask[-1], mask[:, 0], mask[:, -1])) >= 3
+    at_edges = _taxels_at_edges(mask)
+    return np.count_nonzero(at_edges) >= 3 and sum(at_edges) > 3 * CUT_SHARE * np.count_nonzero(mask) ** 0.5
 
 
 def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
