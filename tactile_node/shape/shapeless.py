@@ -151,11 +151,11 @@ def is_cut(contact: np.ndarray) -> bool:
     >>> is_cut(np.eye(4, dtype=bool)), is_cut(np.eye(4) < 1)
     (False, True)
     """
-    return max(_taxels_at_edges(contact)) > CUT_SHARE * np.count_nonzero(contact) ** 0.5
+    return max(_taxels_at_edges(contact)) > CUT_SHARE * float(np.count_nonzero(contact)) ** 0.5
 
 
 def _taxels_at_edges(contact: np.ndarray) -> list[int]:
-    return [np.count_nonzero(edge) for edge in (contact[0], contact[-1], contact[:, 0], contact[:, -1])]
+    return [int(np.count_nonzero(edge)) for edge in (contact[0], contact[-1], contact[:, 0], contact[:, -1])]
 
 
 def _is_across(mask: np.ndarray) -> bool:
@@ -164,7 +164,7 @@ def _is_across(mask: np.ndarray) -> bool:
     A bar across the pad reaches only two edges and shows its width.
     """
     at_edges = _taxels_at_edges(mask)
-    return np.count_nonzero(at_edges) >= 3 and sum(at_edges) > 3 * CUT_SHARE * np.count_nonzero(mask) ** 0.5
+    return sum(map(bool, at_edges)) >= 3 and sum(at_edges) > 3 * CUT_SHARE * float(np.count_nonzero(mask)) ** 0.5
 
 
 def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
