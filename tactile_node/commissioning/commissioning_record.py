@@ -10,6 +10,7 @@ import numpy as np
 from tactile_node.commissioning.block_grip import BlockFace, BlockGrip, Print
 from tactile_node.commissioning.lateral_shift import HungWeight
 from tactile_node.commissioning.measurement import Estimate
+from tactile_node.commissioning.pad_rest import PadRest
 from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
 from tactile_node.commissioning.recording import PadGrid
 from tactile_node.errors import InputError
@@ -80,6 +81,12 @@ def plan_from(content: Mapping[str, Any]) -> CommissioningPlan:
     lists = {'grid': PadGrid(*content['grid']), 'blocks': blocks, 'down': tuple(content['down']),
              'pads': tuple(content.get('pads', CommissioningPlan.pads)), 'jig': tuple(content.get('jig', ()))}
     return CommissioningPlan(**dict(content) | lists)
+
+
+def rest_from(content: Mapping[str, Any]) -> PadRest:
+    """Return the properties of an untouched pad from the JSON of its fields."""
+    return PadRest(Estimate(*content['noise']), Estimate(*content['drift']), content['rate'], content['lost'],
+                   np.array(content['zero'], float))
 
 
 def grip_from(content: Mapping[str, Any]) -> BlockGrip:

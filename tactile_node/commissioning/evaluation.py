@@ -10,7 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_node.commissioning.block_grip import BlockGrip
-from tactile_node.commissioning.commissioning_record import CommissioningRecord, faces_from, grip_from, hung_from
+from tactile_node.commissioning.commissioning_record import (
+    CommissioningRecord,
+    faces_from,
+    grip_from,
+    hung_from,
+    rest_from,
+)
 from tactile_node.commissioning.force import Close, EffortMap, map_effort, predict_overshoot
 from tactile_node.commissioning.jig import PadPlace, place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_of, shift_per_load
@@ -19,6 +25,7 @@ from tactile_node.commissioning.movement import StopCount, StopTrial, StopWay, s
 from tactile_node.commissioning.opening_law import LEAST_BLOCKS, OpeningLaw, chord_error, find_law, speed_at
 from tactile_node.commissioning.pad_alignment import PadAlignment, find_alignment
 from tactile_node.commissioning.pad_mounting import PadMounting
+from tactile_node.commissioning.pad_rest import PadRest
 from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.taxel_survey import TaxelFinding
 
@@ -43,6 +50,15 @@ class Fact(NamedTuple):
     value: str  #: 'unknown' if it was not found out
     verdict: Verdict
     reason: str
+
+
+class DriverPad(NamedTuple):
+    """A pad of the driver after the steps `rest` and `pads`."""
+
+    rest: PadRest
+    mounting: PadMounting
+    taxels: np.ndarray  #: TaxelFinding of each taxel, (rows, cols)
+    serial_number: str  #: '' if it is not known
 
 
 class Evaluation:
@@ -86,7 +102,24 @@ class Evaluation:
         """TaxelFinding of each taxel of the left and the right pad; empty if unknown."""
         return [np.array(each) for each in self._record.get('pads').get('taxels', [])]
 
+    @cached_property
+    def rests(self) -> list[PadRest]:
+        """Properties of the untouched pads, in the order of the driver; empty if unknown."""
+        return [rest_from(each) for each in self._record.get('rest').get('pads', [])]
+
+    @property
+    def driver_pads(self) -> list[DriverPad]:
+        """The pads in the order of the driver. The record needs the steps `rest` and `pads`."""
+        order = self._record['pads']['order']
+        return [DriverPad(rest, self.mountings[order.index(pad)], self.taxels[order.index(pad)], serial_number)
+                for pad, (rest, serial_number) in enumerate(zip(self.rests, self._record.serial_numbers))]
+
     # ---- gripper ----
+
+    @property
+    def opens_rising(self) -> bool:
+        """True if the reading of the joint rises as the gripper opens. The record needs the step `first movement`."""
+        return bool(self._record['first movement']['opens_rising'])
 
     @cached_property
     def grips(self) -> list[BlockGrip]:
@@ -129,17 +162,27 @@ class Evaluation:
         return Estimate(*self._record.get('foam').get('held', NOT_MEASURED))
 
     @property
+    def period(self) -> float:
+        """Period of the joint states [s]; NaN if unknown."""
+        return float(self._record.get('stops').get('period', math.nan))
+
+    @property
+    def joint_speed(self) -> Estimate:
+        """Speed of the joint in a free movement [reading/s]."""
+        return Estimate(*self._record.get('stops').get('speed', NOT_MEASURED))
+
+    @property
     def start_latency(self) -> float:
         """Upper bound of the time from a command to the movement [s]."""
         trials = [trial for way in StopWay for trial in self.trials(way)]
-        return start_latency(trials, self._period)
+        return start_latency(trials, self.period)
 
     def stop_latency(self, way: StopWay) -> float:
         """Return the upper bound of the time from a stop to standstill [s]."""
         if not self.trials(way):
             return math.nan
-        return stop_latency(self.trials(way), self._period, self._record['first movement']['noise'],
-                            self._speed.value)
+        return stop_latency(self.trials(way), self.period, self._record['first movement']['noise'],
+                            self.joint_speed.value)
 
     @property
     def latency(self) -> float:
@@ -151,7 +194,7 @@ class Evaluation:
     @property
     def speed(self) -> Estimate:
         """Speed of the pads in a free movement [m/s]."""
-        return speed_at(self.law, self.law.middle, self._speed) if self.law else NOT_MEASURED
+        return speed_at(self.law, self.law.middle, self.joint_speed) if self.law else NOT_MEASURED
 
     @property
     def step(self) -> Estimate:
@@ -285,16 +328,14 @@ class Evaluation:
 
     @property
     def measurements(self) -> list[Measurement]:
-        rest = self._record.get('rest').get('pads', [])
         lines = []
-        for number, pad in enumerate(rest):
-            noise, drift = Estimate(*pad['noise']), Estimate(*pad['drift']).scaled(DRIFT_TIME)
-            name = f'{self._plan.pads[number]}/taxels'
-            lines.append(_limited(f'{name}, noise', noise, 'N', MOST_NOISE))
-            lines.append(_limited(f'{name}, drift in {DRIFT_TIME:g} s', drift, 'N', MOST_DRIFT, 'Wait until the pads '
-                                  f'are warm, and touch nothing. {REPEAT_REST}'))
-            lines.append(_plain(f'{name}, frame rate', Estimate(pad['rate'], 0.0), 'Hz'))
-            lines.append(_limited(f'{name}, lost frames', Estimate(pad['lost'], 0.0), '1', MOST_LOST, 'Reduce the load '
+        for pad, rest in zip(self._plan.pads, self.rests):
+            name = f'{pad}/taxels'
+            lines.append(_limited(f'{name}, noise', rest.noise, 'N', MOST_NOISE))
+            lines.append(_limited(f'{name}, drift in {DRIFT_TIME:g} s', rest.drift.scaled(DRIFT_TIME), 'N', MOST_DRIFT,
+                                  f'Wait until the pads are warm, and touch nothing. {REPEAT_REST}'))
+            lines.append(_plain(f'{name}, frame rate', Estimate(rest.rate, 0.0), 'Hz'))
+            lines.append(_limited(f'{name}, lost frames', Estimate(rest.lost, 0.0), '1', MOST_LOST, 'Reduce the load '
                                   f'of the machine, or give the driver a longer sync_period. {REPEAT_REST}'))
         law, no_law = self.law, self._no_law
         is_pressed = 'foam' in self._record
@@ -365,16 +406,6 @@ class Evaluation:
             return math.nan, math.nan, (f'a linear law is wrong by {1e3 * error:.2f} mm between the blocks; '
                                         'use gap_source tf')
         return chord.offset, chord.scale, ''
-
-    # ---- helpers ----
-
-    @property
-    def _period(self) -> float:
-        return float(self._record.get('stops').get('period', math.nan))
-
-    @property
-    def _speed(self) -> Estimate:
-        return Estimate(*self._record.get('stops').get('speed', NOT_MEASURED))
 
 
 def _plain(name: str, estimate: Estimate, unit: str, unknown: str = NOT_DONE) -> Measurement:

@@ -185,10 +185,10 @@ class CommissioningProcedure:
     def _check_rates(self) -> None:
         """Refuse to continue a record if the driver sends frames at another rate, on which the latencies depend."""
         recording = self._gripper.watch(RATE_TIME, 'rest', may_touch=True)
-        for name, pad, rest in zip(self._plan.pads, recording.pads, self._record['rest']['pads']):
-            if abs(pad.rate / rest['rate'] - 1) > MOST_RATE_CHANGE:
+        for name, pad, rest in zip(self._plan.pads, recording.pads, self._found.rests):
+            if abs(pad.rate / rest.rate - 1) > MOST_RATE_CHANGE:
                 raise RefusedStepError(f'pad {name!r}', Mistake.OTHER_RATE, got=f'{pad.rate:.1f}',
-                                       expected=f'{rest["rate"]:.1f} frames per second, as in the record',
+                                       expected=f'{rest.rate:.1f} frames per second, as in the record',
                                        remedy='Start the driver with the settings of the record, or begin again in '
                                        'another folder.')
 
@@ -273,16 +273,15 @@ class CommissioningProcedure:
 
     def _recall_pads(self) -> None:
         """Take the zero, the faulty taxels and the mountings from the record."""
-        if pads := self._record.get('pads'):
-            self._order = tuple(pads['order'])
-            mountings = [PadMounting(*each) for each in pads['mountings']]
-            left, right = (taxel_places(self._plan.grid, each) for each in mountings)
+        found = self._found
+        if found.mountings:
+            self._order = (1, 0) if found.is_swapped else (0, 1)
+            left, right = (taxel_places(self._plan.grid, each) for each in found.mountings)
             self._places = left, right
-            taxels = np.array(pads['taxels']) == TaxelFinding.FAULTY
-            for number, pad in enumerate(self._order):
-                self._gripper.is_faulty[pad] = taxels[number]
-        if rest := self._record.get('rest'):
-            self._gripper.zero = np.array([each['zero'] for each in rest['pads']])
+            for pad, taxels in zip(self._order, found.taxels):
+                self._gripper.is_faulty[pad] = taxels == TaxelFinding.FAULTY
+        if found.rests:
+            self._gripper.zero = np.array([rest.zero for rest in found.rests])
 
     def _images(self, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
         """Return the mean force on each taxel of the left and of the right pad [N]."""
@@ -340,11 +339,11 @@ class CommissioningProcedure:
 
     @property
     def _open_end(self) -> float:
-        return self._plan.high if self._record['first movement']['opens_rising'] else self._plan.low
+        return self._plan.high if self._found.opens_rising else self._plan.low
 
     @property
     def _closed_end(self) -> float:
-        return self._plan.low if self._record['first movement']['opens_rising'] else self._plan.high
+        return self._plan.low if self._found.opens_rising else self._plan.high
 
     @property
     def _effort(self) -> float:
@@ -524,7 +523,7 @@ class CommissioningProcedure:
         times = np.concatenate((before.pads[pad].times, after.pads[pad].times))
         forces = np.concatenate([np.nansum(each.pads[pad].forces, axis=(1, 2)) for each in (before, after)])
         taxels = self._plan.grid.rows * self._plan.grid.cols
-        drift = abs(self._record['rest']['pads'][pad]['drift'][0]) * taxels * (times[-1] - times[0])
+        drift = abs(self._found.rests[pad].drift.value) * taxels * (times[-1] - times[0])
         return remaining_share(times, forces, ended, drift)
 
     # ---- blocks ----
@@ -665,7 +664,7 @@ class CommissioningProcedure:
     @property
     def _reading_error(self) -> float:
         """Noise by which the largest of several force readings exceeds the true force [N]."""
-        noise = max(pad['noise'][0] for pad in self._record['rest']['pads'])
+        noise = max(rest.noise.value for rest in self._found.rests)
         return READING_NOISES * noise * float(np.sqrt(self._plan.grid.rows * self._plan.grid.cols))
 
     def _close(self, move: Move, start: float, way: StopWay, grip: BlockGrip) -> Close:
