@@ -252,9 +252,8 @@ class Evaluation:
     @property
     def shift_per_load(self) -> tuple[Estimate, str]:
         """Shift of a contact per load, and the reason if it is not known [m]."""
-        x, y = self._plan.down
         hung = [hung_from(each) for each in self._record.get('weight').get('grips', [])]
-        return shift_per_load([shift_of(each, self._plan.weight, ((x, y), (-x, y))) for each in hung])
+        return shift_per_load([shift_of(each, self._plan.weight, self._plan.down) for each in hung])
 
     @property
     def closes(self) -> list[Close]:
@@ -368,7 +367,7 @@ class Evaluation:
                                  f'at least {HELD_SHARE:g}' if held.is_known else
                                  'too few frames' if is_pressed else NOT_DONE))
         shift, reason = self.shift_per_load
-        lines.append(_plain('shift per load', shift, 'm')._replace(reason=reason))
+        lines.append(_plain('shift per load', shift, 'm', reason))
         if self.closes:
             over = max(close.overshoot for close in self.closes)
             predicted = self.predicted_overshoot

@@ -6,6 +6,7 @@ and knows no ROS: it talks to a `CommissionedGripper` and a `Person`.
 """
 
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,7 +27,7 @@ from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.force import Close, map_effort, predict_overshoot, remaining_share, safe_force
 from tactile_node.commissioning.guarded_gripper import REACT, SILENCE, TOUCHED, GuardedGripper, Move
-from tactile_node.commissioning.lateral_shift import MOST_DIFFERENT, HungWeight, shift_of
+from tactile_node.commissioning.lateral_shift import HungWeight, shift_of, shift_per_load
 from tactile_node.commissioning.measurement import Estimate
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.movement import (
@@ -55,6 +56,7 @@ PADS = 'left', 'right'
 OPTIONAL = 'foam', 'block', 'jig', 'step', 'weight', 'proof'  #: Steps that may be left out. All blocks are one of them.
 #: Steps whose results a step needs.
 NEEDED = {'block': ('foam',), 'jig': ('foam', 'block'), 'weight': ('foam',), 'proof': ('foam', 'block')}
+PAD_STEPS = 'rest', 'pads'  #: Steps that find the zero, the faulty taxels and the mountings of the pads.
 REPEATS = 3             #: Number of attempts of each part of a step.
 PRESS_TIME = 4.0        #: Duration of the recording of a press [s].
 STROKE_TIME = 15.0      #: Duration of the recording in which the person presses everywhere [s].
@@ -70,6 +72,7 @@ DEPTH = 0.002           #: Depth to which these stalls press further into the sk
 STALL_TIME = 0.5        #: Duration of the recording of a stall [s].
 FOAM_SHARE = 0.5        #: Force on the foam, as a share of the force limit.
 FOAM_STALLS = 4         #: Smallest number of stalls on the foam.
+LET_GO_TIME = 2.0       #: Time for which the force is watched after a stop on the foam [s].
 FOAM_FACTOR = 1.2       #: Factor between two efforts on the foam.
 SEEN_TIME = 0.1         #: Duration of the recording that reads the present position [s].
 STOPPED_TIME = 1.2      #: Duration of the recording after a stop [s].
@@ -138,7 +141,7 @@ class CommissioningProcedure:
         """The steps by name, in their order."""
         return {'rest': self._rest, 'pads': self._pads, 'first movement': self._first_movement,
                 'stops': self._stops, 'foam': self._foam,
-                **{f'block {1e3 * block.width:g} mm': self._block_step(block) for block in self._plan.blocks},
+                **{f'block {1e3 * block.width:g} mm': partial(self._block, block) for block in self._plan.blocks},
                 **({'jig': self._jig} if self._plan.jig else {}),
                 'step': self._step, 'weight': self._weight, 'proof': self._proof}
 
@@ -172,6 +175,8 @@ class CommissioningProcedure:
                     results = step()
                     if is_found := bool(results.keys() - {'reason'}):
                         self._record.save(name, results)
+                    if kind in PAD_STEPS:
+                        self._recall_pads()
                     self._on_result(name, '' if is_found else results['reason'])
         except BaseException:  # Ctrl-C stops the gripper as well
             self._gripper.stop()
@@ -227,7 +232,6 @@ class CommissioningProcedure:
         if None in found:
             raise RefusedStepError('rest', Mistake.PADS_SILENT, expected='frames of both pads', got='too few',
                                    remedy='Check the driver of the skin.')
-        self._gripper.zero = np.array([each.zero for each in found if each])
         return {'pads': [each._asdict() for each in found if each], 'age': age,
                 'serial_numbers': self._serial_numbers()}
 
@@ -243,11 +247,8 @@ class CommissioningProcedure:
         (left, first), (right, second) = self._attempt(self._press_both)
         strokes = [self._stroke(pad) for pad in PADS]
         findings = {pad: survey([each.pads[pad].forces for each in strokes]) for pad in (0, 1)}
-        results = {'order': [left, right], 'mountings': [first, second],
-                   'taxels': [findings[pad] for pad in (left, right)]}
-        self._record.save('pads', results)
-        self._recall_pads()
-        return results
+        return {'order': [left, right], 'mountings': [first, second],
+                'taxels': [findings[pad] for pad in (left, right)]}
 
     def _press_both(self) -> tuple[tuple[int, PadMounting], tuple[int, PadMounting]]:
         left, right = (self._attempt(self._press_pad, pad) for pad in PADS)
@@ -362,6 +363,17 @@ class CommissioningProcedure:
     def _free(self, position: float) -> Move:
         return Move(position, self._effort, self._plan.travel / FREE_TIME)
 
+    def _closing(self, effort: float) -> Move:
+        return Move(self._closed_end, effort, self._plan.travel / FREE_TIME)
+
+    def _stop_by(self, way: StopWay, move: Move) -> None:
+        """Stop the movement ``move`` in one way."""
+        if way is StopWay.CANCEL:
+            self._gripper.cancel()
+        else:
+            position = self._gripper.reading if way is StopWay.GOAL else self._open_end
+            self._gripper.command(move._replace(position=position))
+
     def _stops(self) -> dict[str, Any]:
         target = self._open_end + FREE_SHARE * (self._closed_end - self._open_end)
         self._clear('stops')
@@ -394,18 +406,10 @@ class CommissioningProcedure:
         if abs(self._gripper.reading - start) <= share * abs(target - start):
             raise self._gripper.stuck('stops')
         stopped = self._gripper.now()
-        if way is StopWay.CANCEL:
-            self._gripper.cancel()
-        else:
-            self._gripper.command(self._free(self._gripper.reading if way is StopWay.GOAL else self._open_end))
+        self._stop_by(way, self._free(target))
         after = self._gripper.watch(STOPPED_TIME + FREE_TIME * FREE_SHARE, 'stops', may_touch=False)
         joint = JointStates(*(np.concatenate(each) for each in zip(before.joint, moving.joint, after.joint)))
         return measure_stop(joint, commanded, stopped, target, self._gripper.noise), movement
-
-    @property
-    def _settling(self) -> float:
-        """Time after which a small movement has ended [s]."""
-        return self._found.start_latency + SETTLE
 
     def _step(self) -> dict[str, Any]:
         """Command small increments, at rest after each, and find the levels at which the gripper stays.
@@ -419,11 +423,12 @@ class CommissioningProcedure:
         self._gripper.consent(f'small steps, after a movement{self._to(middle)} ({UPPER_ENDS})', self._free(middle),
                               TOUCHED, STEP_COMMANDS)
         self._attempt(self._gripper.move, self._free(middle), 'step')
+        settling = self._found.start_latency + SETTLE  # time after which a small movement has ended [s]
         commanded, reached = [], []
         for number in range(STEP_COMMANDS):
             commanded.append(middle + number * increment)
             self._gripper.command(self._free(commanded[-1]))
-            self._gripper.watch(self._settling, 'step', may_touch=False)
+            self._gripper.watch(settling, 'step', may_touch=False)
             joint = self._gripper.watch(0.15, 'step', may_touch=False).joint
             if not joint.times.size:  # wait for a joint state; the guard refuses a longer silence
                 joint = self._gripper.watch(2 * SILENCE, 'step', may_touch=False,
@@ -460,20 +465,20 @@ class CommissioningProcedure:
         self._clear(where)
         self._ask(act, text, width=width)
 
-    def _stall(self, effort: float, where: str) -> tuple[Stall, Recording]:
+    def _stall(self, effort: float, where: str) -> Stall:
         """Close with an effort until the gripper stalls, and record it at rest."""
-        move = Move(self._closed_end, effort, self._plan.travel / FREE_TIME)
-        self._gripper.move(move, where, may_touch=True)
+        self._gripper.move(self._closing(effort), where, may_touch=True)
         recording = self._gripper.watch(STALL_TIME, where, may_touch=True)
-        return Stall(effort, float(recording.joint.positions.mean()), self._images(recording)), recording
+        return Stall(effort, float(recording.joint.positions.mean()), self._images(recording))
 
     def _foam(self) -> dict[str, Any]:
         stalls = self._attempt(self._squeeze)
-        lets_go = {way.value: self._attempt(self._stop_under_load, way, stalls[-1])
-                   for way in (StopWay.CANCEL, StopWay.GOAL)}
-        held = self._attempt(self._hold, stalls[-1])
+        effort = stalls[-1].effort
+        kept = {way.value: self._attempt(self._remaining_share, effort, LET_GO_TIME, way)
+                for way in (StopWay.CANCEL, StopWay.GOAL)}
+        held = self._attempt(self._remaining_share, effort, self._plan.hold_time)
         return {'efforts': [stall.effort for stall in stalls], 'forces': [stall.force for stall in stalls],
-                'stiffness': stiffness_of(stalls), 'kept': lets_go, 'held': held}
+                'stiffness': stiffness_of(stalls), 'kept': kept, 'held': held}
 
     def _squeeze(self) -> list[Stall]:
         """Let the person insert the foam, and return the stalls on the foam at rising efforts."""
@@ -482,11 +487,10 @@ class CommissioningProcedure:
         self._insert(Act.FOAM, f'Hold the foam between the pads{UNTIL_HELD}')
         rises = np.log(self._plan.most_effort / effort) / np.log(FOAM_FACTOR)
         self._gripper.consent(f'foam, closing{self._to(self._closed_end)} with rising effort ({UPPER_ENDS})',
-                              Move(self._closed_end, self._plan.most_effort, self._plan.travel / FREE_TIME),
-                              PROMISED * goal, int(rises) + 5)
+                              self._closing(self._plan.most_effort), PROMISED * goal, int(rises) + 5)
         stalls: list[Stall] = []
         while effort <= self._plan.most_effort:
-            stalls.append(self._stall(effort, 'foam')[0])
+            stalls.append(self._stall(effort, 'foam'))
             if abs(stalls[-1].reading - self._closed_end) < FIRST_SHARE * self._plan.travel:
                 raise RefusedStepError('foam', Mistake.BLOCK_MISSING, expected='foam that holds the gripper open',
                                        got='a closed gripper', remedy='Hold stiffer or thicker foam between the pads.')
@@ -500,28 +504,17 @@ class CommissioningProcedure:
                                    remedy='Hold the foam between the pads.')
         return stalls
 
-    def _stop_under_load(self, way: StopWay, stall: Stall) -> Estimate:
-        """Return the share of the force that is left after a stop on the foam."""
-        self._stall(stall.effort, 'foam')
+    def _remaining_share(self, effort: float, seconds: float, way: StopWay | None = None) -> Estimate:
+        """Return the share of the force on the foam that is left after a stop, or without commands."""
+        self._stall(effort, 'foam')
         before = self._gripper.watch(STALL_TIME, 'foam', may_touch=True)
         ended = self._gripper.now()
-        if way is StopWay.CANCEL:
-            self._gripper.cancel()
-        else:
-            self._gripper.command(Move(self._gripper.reading, stall.effort, self._plan.travel / FREE_TIME))
-        return self._share(before, self._gripper.watch(2.0, 'foam', may_touch=True), ended)
-
-    def _hold(self, stall: Stall) -> Estimate:
-        """Return the share of the force that is left without commands."""
-        self._stall(stall.effort, 'foam')
-        before = self._gripper.watch(STALL_TIME, 'foam', may_touch=True)
-        ended = self._gripper.now()
-        return self._share(before, self._gripper.watch(self._plan.hold_time, 'foam', may_touch=True), ended)
-
-    def _share(self, before: Recording, after: Recording, ended: float) -> Estimate:
+        if way is not None:
+            self._stop_by(way, self._closing(effort))
+        after = self._gripper.watch(seconds, 'foam', may_touch=True)
         pad = self._order[0]
         times = np.concatenate((before.pads[pad].times, after.pads[pad].times))
-        forces = np.concatenate([np.nansum(each.pads[pad].forces, axis=(1, 2)) for each in (before, after)])
+        forces = np.concatenate([self._force_of(each)[0] for each in (before, after)])
         taxels = self._plan.grid.rows * self._plan.grid.cols
         drift = abs(self._found.rests[pad].drift.value) * taxels * (times[-1] - times[0])
         return remaining_share(times, forces, ended, drift)
@@ -551,8 +544,8 @@ class CommissioningProcedure:
         widest = max(block.width for block in self._plan.blocks)
         return -self._towards * 2 * widest / self._plan.travel
 
-    def _block_step(self, block: GaugeBlock) -> Callable[[], dict[str, Any]]:
-        return lambda: dict(self._attempt(self._grip, block)._asdict())
+    def _block(self, block: GaugeBlock) -> dict[str, Any]:
+        return self._attempt(self._grip, block)._asdict()
 
     def _grip(self, block: GaugeBlock) -> BlockGrip:
         stalls = self._press_block(block, Act.BLOCK, f'Hold the block of {1e3 * block.width:g} mm freely between the '
@@ -564,7 +557,7 @@ class CommissioningProcedure:
         where = f'block of {1e3 * block.width:g} mm'
         self._insert(act, text, block.width)
         limit = self._plan.force_limit
-        move = Move(self._closed_end, self._effort_for(limit), self._plan.travel / FREE_TIME)
+        move = self._closing(self._effort_for(limit))
         self._gripper.consent(f'{where}, closing{self._to(move.position)} with rising effort ({UPPER_ENDS})', move,
                               limit, len(PROBE_SHARES) + STALLS)
         stalls = [self._held_stall(self._effort_for(share * limit), where) for share in PROBE_SHARES]
@@ -581,7 +574,7 @@ class CommissioningProcedure:
 
     def _held_stall(self, effort: float, where: str) -> Stall:
         """Return a stall against the block, which must be there."""
-        stall, _ = self._stall(effort, where)
+        stall = self._stall(effort, where)
         if stall.force < TOUCHED:
             raise RefusedStepError(where, Mistake.BLOCK_MISSING, expected='a force on both pads', got='none',
                                    remedy='Hold the block between the pads until the gripper grips it.')
@@ -607,27 +600,24 @@ class CommissioningProcedure:
         return faces
 
     def _weight(self) -> dict[str, Any]:
-        shifts = self._attempt(self._weigh)
-        return {'grips': [hung._asdict() for hung in shifts]}
+        return {'grips': [hung._asdict() for hung in self._attempt(self._weigh)]}
 
     def _weigh(self) -> list[HungWeight]:
         found = [self._attempt(self._hang) for _ in range(self._plan.shift_grips)]
-        shifts = [self._shift(hung) for hung in found]
-        if len(shifts) > 1 and np.ptp(shifts) > MOST_DIFFERENT * abs(np.mean(shifts)):
-            raise RefusedStepError('weight', Mistake.BLOCK_SLID, expected='two grips that agree within '
-                                   f'{100 * MOST_DIFFERENT:.0f} %', got=', '.join(f'{1e3 * s:.2f} mm' for s in shifts),
+        shift, reason = shift_per_load([self._shift(hung) for hung in found])
+        if not shift.is_known:
+            raise RefusedStepError('weight', Mistake.BLOCK_SLID, expected='two grips that agree', got=reason,
                                    remedy='Hang the weight without a jerk, below the middle of the object.')
         return found
 
     def _shift(self, hung: HungWeight) -> float:
-        x, y = self._plan.down
-        return shift_of(hung, self._plan.weight, ((x, y), (-x, y)))
+        return shift_of(hung, self._plan.weight, self._plan.down)
 
     def _hang(self) -> HungWeight:
         self._insert(Act.OBJECT, 'Hold the block between the pads, in the orientation of use.',
                      self._middle_block.width)
         effort = self._effort_for(self._plan.weight)
-        move = Move(self._closed_end, effort, self._plan.travel / FREE_TIME)
+        move = self._closing(effort)
         self._gripper.consent(f'grip for the weight, closing{self._to(move.position)}', move, self._plan.force_limit, 1)
         before = self._held_stall(effort, 'weight')
         self._ask(Act.WEIGHT, f'Hang the weight of {self._plan.weight:g} N on the object.')
@@ -681,10 +671,7 @@ class CommissioningProcedure:
         if strongest < limit:
             raise self._pulled_out()
         due = self._gripper.now()
-        if way is StopWay.CANCEL:
-            self._gripper.cancel()
-        else:
-            self._gripper.command(move._replace(position=self._gripper.reading))
+        self._stop_by(way, move)
         after = self._gripper.watch(STOPPED_TIME, 'proof', may_touch=True)
         forces = self._force_of(after)
         peak = max((0, 1), key=lambda number: forces[number].max())
