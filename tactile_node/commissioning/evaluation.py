@@ -330,53 +330,48 @@ class Evaluation:
         lines = []
         for pad, rest in zip(self._plan.pads, self.rests):
             name = f'{pad}/taxels'
-            lines.append(_limited(f'{name}, noise', rest.noise, 'N', MOST_NOISE))
-            lines.append(_limited(f'{name}, drift in {DRIFT_TIME:g} s', rest.drift.scaled(DRIFT_TIME), 'N', MOST_DRIFT,
-                                  f'Wait until the pads are warm, and touch nothing. {REPEAT_REST}'))
-            lines.append(_plain(f'{name}, frame rate', Estimate(rest.rate, 0.0), 'Hz'))
-            lines.append(_limited(f'{name}, lost frames', Estimate(rest.lost, 0.0), '1', MOST_LOST, 'Reduce the load '
-                                  f'of the machine, or give the driver a longer sync_period. {REPEAT_REST}'))
+            lines += [_limited(f'{name}, noise', rest.noise, 'N', MOST_NOISE),
+                      _limited(f'{name}, drift in {DRIFT_TIME:g} s', rest.drift.scaled(DRIFT_TIME), 'N', MOST_DRIFT,
+                               f'Wait until the pads are warm, and touch nothing. {REPEAT_REST}'),
+                      _line(f'{name}, frame rate', Estimate(rest.rate, 0.0), 'Hz'),
+                      _limited(f'{name}, lost frames', Estimate(rest.lost, 0.0), '1', MOST_LOST, 'Reduce the load of '
+                               f'the machine, or give the driver a longer sync_period. {REPEAT_REST}')]
         law, no_law = self.law, self._no_law
-        is_pressed = 'foam' in self._record
-        lines += [_plain('opening in the middle of the blocks', law.opening(law.middle) if law else NOT_MEASURED, 'm',
-                         no_law),
-                  _plain('change of the opening per unit of the joint',
-                         law.slope(law.middle) if law else NOT_MEASURED, f'm/{self._plan.unit}', no_law),
-                  _plain('speed', self.speed, 'm/s', NOT_DONE if law else no_law),
-                  _plain('step', self.step, 'm', no_law if 'step' in self._record else NOT_DONE),
-                  _plain('stiffness with a hard block', self.stiffness, 'N/m',
-                         'too few stalls with a large force' if law else no_law),
-                  _plain('force per effort', self.effort_map.slope, 'N',
-                         'too few efforts pressed with a force' if is_pressed else NOT_DONE)]
-        lines.append(_bound('time from a command to the movement', self.start_latency))
-        lines += [_bound(f'time from a stop by {way.value} to standstill', self.stop_latency(way),
-                         'a stop failed' if self.trials(way) else NOT_DONE) for way in (StopWay.CANCEL, StopWay.GOAL)]
-        lines.append(_bound('latency: time from a force on a pad to standstill', self.latency))
+        no_foam = '' if 'foam' in self._record else NOT_DONE
+        lines += [_line('opening in the middle of the blocks', law.opening(law.middle) if law else NOT_MEASURED, 'm',
+                        no_law),
+                  _line('change of the opening per unit of the joint',
+                        law.slope(law.middle) if law else NOT_MEASURED, f'm/{self._plan.unit}', no_law),
+                  _line('speed', self.speed, 'm/s', NOT_DONE if law else no_law),
+                  _line('step', self.step, 'm', no_law if 'step' in self._record else NOT_DONE),
+                  _line('stiffness with a hard block', self.stiffness, 'N/m',
+                        'too few stalls with a large force' if law else no_law),
+                  _line('force per effort', self.effort_map.slope, 'N',
+                        no_foam or 'too few efforts pressed with a force')]
+        bounds = [('time from a command to the movement', self.start_latency, NOT_DONE),
+                  *((f'time from a stop by {way.value} to standstill', self.stop_latency(way),
+                     'a stop failed' if self.trials(way) else NOT_DONE) for way in (StopWay.CANCEL, StopWay.GOAL)),
+                  ('latency: time from a force on a pad to standstill', self.latency, NOT_DONE)]
+        lines += [_line(name, Estimate(bound, 0.0), 's', unknown, f'upper bound; at most {1e3 * MOST_LATENCY:g} ms',
+                        fits=bound <= MOST_LATENCY) for name, bound, unknown in bounds]
         names = 'right pad, offset along x', 'right pad, offset along y', 'right pad, turn', 'tilt along x', \
             'tilt along y'
-        for name, each, unit in zip(names, self.alignment or [NOT_MEASURED] * 5, ('m', 'm', 'rad', 'rad', 'rad')):
-            lines.append(_plain(name, each, unit, no_law))
+        lines += [_line(name, each, unit, no_law) for name, each, unit in zip(
+            names, self.alignment or [NOT_MEASURED] * 5, ('m', 'm', 'rad', 'rad', 'rad'))]
         no_place = no_law if 'jig' in self._record else NOT_DONE if self._plan.jig else 'relative only, without a jig'
         names_in_jig = *(f'{axis} in the frame of the gripper' for axis in 'xyz'), 'turn against the jig', \
             'tilt along x against the jig', 'tilt along y against the jig'
-        lines += [_plain(f'left pad, {name}', each, unit, no_place) for name, each, unit in zip(
+        lines += [_line(f'left pad, {name}', each, unit, no_place) for name, each, unit in zip(
             names_in_jig, self.left_place or [NOT_MEASURED] * 6, ('m',) * 3 + ('rad',) * 3)]
-        held = self.held
-        lines.append(Measurement('share of the force without commands', held, '1', Verdict.UNKNOWN if not held.is_known
-                                 else Verdict.PASS if held.value >= HELD_SHARE else Verdict.FAIL,
-                                 f'at least {HELD_SHARE:g}' if held.is_known else
-                                 'too few frames' if is_pressed else NOT_DONE))
-        shift, reason = self.shift_per_load
-        lines.append(_plain('shift per load', shift, 'm', reason))
-        if self.closes:
-            over = max(close.overshoot for close in self.closes)
-            predicted = self.predicted_overshoot
-            lines.append(Measurement('largest overshoot of the closes', Estimate(over, 0.0), 'N', Verdict.PASS
-                                     if over <= predicted else Verdict.FAIL, f'predicted at most {predicted:.2f} N'))
-        else:
-            lines.append(_plain('largest overshoot of the closes', NOT_MEASURED, 'N',
-                                self._record.get('proof').get('reason', NOT_DONE)))
-        return lines
+        shift, no_shift = self.shift_per_load
+        predicted, overs = self.predicted_overshoot, [close.overshoot for close in self.closes]
+        return [*lines,
+                _line('share of the force without commands', self.held, '1', no_foam or 'too few frames',
+                      f'at least {HELD_SHARE:g}', fits=self.held.value >= HELD_SHARE),
+                _line('shift per load', shift, 'm', no_shift),
+                _line('largest overshoot of the closes', Estimate(max(overs, default=math.nan), 0.0), 'N',
+                      self._record.get('proof').get('reason', NOT_DONE), f'predicted at most {predicted:.2f} N',
+                      fits=max(overs, default=math.nan) <= predicted)]
 
     def allowed_speed(self, force: float) -> float:
         """Return the speed at which the predicted overshoot is ``force`` [m/s].
@@ -407,27 +402,28 @@ class Evaluation:
         return chord.offset, chord.scale, ''
 
 
-def _plain(name: str, estimate: Estimate, unit: str, unknown: str = NOT_DONE) -> Measurement:
-    """Return a line without a limit; ``unknown`` is the reason if the value is not known."""
+def _line(name: str, estimate: Estimate, unit: str, unknown: str = NOT_DONE, limit: str = '', *,
+          fits: bool = True) -> Measurement:
+    """Return a line of the report.
+
+    Parameters
+    ----------
+    name, estimate, unit
+        The quantity.
+    unknown : str
+        Reason if the value is not known.
+    limit : str
+        Limit of the value, or '' if there is none.
+    fits : bool
+        True if a known value meets its limit.
+    """
     if not estimate.is_known:
         return Measurement(name, NOT_MEASURED, unit, Verdict.UNKNOWN, unknown)
-    return Measurement(name, estimate, unit, Verdict.PASS, '')
+    return Measurement(name, estimate, unit, Verdict.PASS if fits else Verdict.FAIL, limit)
 
 
 def _limited(name: str, estimate: Estimate, unit: str, limit: float, remedy: str = '') -> Measurement:
     """Return a line whose magnitude has an upper limit. A value above the limit gets the remedy."""
-    if not estimate.is_known:
-        return Measurement(name, NOT_MEASURED, unit, Verdict.UNKNOWN, NOT_DONE)
-    verdict = Verdict.PASS if abs(estimate.value) <= limit else Verdict.FAIL
+    fits = abs(estimate.value) <= limit
     reason = f'at most {limit:g} {unit}'.removesuffix(' 1')
-    if remedy and verdict is Verdict.FAIL:
-        reason = f'{reason}. {remedy}'
-    return Measurement(name, estimate, unit, verdict, reason)
-
-
-def _bound(name: str, bound: float, unknown: str = NOT_DONE) -> Measurement:
-    """Return the line of an upper bound [s]; ``unknown`` is the reason if the bound is not known."""
-    if not math.isfinite(bound):
-        return Measurement(name, NOT_MEASURED, 's', Verdict.UNKNOWN, unknown)
-    return Measurement(name, Estimate(bound, 0.0), 's', Verdict.PASS if bound <= MOST_LATENCY else Verdict.FAIL,
-                       f'upper bound; at most {1e3 * MOST_LATENCY:g} ms')
+    return _line(name, estimate, unit, limit=reason if fits or not remedy else f'{reason}. {remedy}', fits=fits)

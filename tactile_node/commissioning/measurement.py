@@ -99,13 +99,10 @@ def line_through(x: np.ndarray, y: np.ndarray) -> tuple[Estimate, Estimate]:
     count = len(x)
     if count < 3 or np.ptp(x) == 0:
         return NOT_MEASURED, NOT_MEASURED
-    centred = x - x.mean()
-    slope = float(centred @ y / (centred @ centred))
-    offset = float(y.mean() - slope * x.mean())
-    residual = y - offset - slope * x
-    error = math.sqrt(float(residual @ residual) / (count - 2)) * _widening(count - 2)
-    of_slope = error / math.sqrt(float(centred @ centred))
-    return Estimate(slope, of_slope), Estimate(offset, math.hypot(error / math.sqrt(count), of_slope * x.mean()))
+    line, covariance = np.polyfit(x, y, 1, cov=True)
+    slope, offset = (Estimate(float(value), float(deviation) * _widening(count - 2))
+                     for value, deviation in zip(line, np.sqrt(np.diag(covariance))))
+    return slope, offset
 
 
 def _widening(freedom: int) -> float:
