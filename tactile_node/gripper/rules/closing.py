@@ -215,6 +215,7 @@ class Closing:
 
     def __init__(self, goal: Goal, limits: TouchSettings, now: float, opening: float):
         self.goal, self._limits = goal, limits
+        self.target = goal.opening  #: opening to which the gripper closes [m]
         self._opening, self._looked = opening, now
         self._has_begun = False    # True once the gripper has been commanded to move
         self._was_held = False     # True once both pads have been touched
@@ -333,7 +334,7 @@ class Widening:
     """
 
     def __init__(self, goal: float, limits: TouchSettings, now: float, opening: float):
-        self._limits = limits
+        self.target, self._limits = goal, limits
         self._force = math.nan  # larger of the pad forces at the first current reading [N]
         self._deadline = deadline(now, goal - (opening if math.isfinite(opening) else 0.0), self.speed)
 
