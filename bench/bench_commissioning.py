@@ -74,7 +74,7 @@ def commissioned(seed: int) -> dict[str, Any]:
         except RefusedStepError as error:
             end = str(error)
         return compared(truth, Evaluation(record, plan), record) | {
-            'seed': seed, 'end': end, 'refused': [str(error) for _, error in procedure.refused]}
+            'seed': seed, 'end': end, 'refused': [str(error) for error in procedure.refused]}
 
 
 def compared(truth: Truth, found: Evaluation, record: CommissioningRecord) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from launch_stand_in import processes_of, put_stand_ins
 from tactile_node.cli.commission import _check as check_of
 from tactile_node.cli.commission import _procedure as procedure_at
 from tactile_node.cli.commissioning_pictures import pictures_of
-from tactile_node.commissioning import procedure
+from tactile_node.commissioning import movement_steps
 from tactile_node.commissioning.block_grip import BlockFace
 from tactile_node.commissioning.changes import Change, find_changes, largest_expected
 from tactile_node.commissioning.commissioned_gripper import Act, Question
@@ -43,9 +43,10 @@ from tactile_node.commissioning.pad_mounting import (
 )
 from tactile_node.commissioning.pad_rest import measure_rest, was_touched
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
-from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
+from tactile_node.commissioning.procedure import OPTIONAL, CommissioningProcedure
 from tactile_node.commissioning.recording import JointStates, PadFrames, Recording
 from tactile_node.commissioning.report import found_lines, report_data, write_report
+from tactile_node.commissioning.session import FIRST_SHARE
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
 from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
@@ -301,7 +302,7 @@ def test_a_jig_that_is_missing_askew_or_turned_is_noticed(finished, tmp_path, mi
         return answer
     desk.ask = turned_once
     procedure.run()
-    assert [error.mistake for _, error in procedure.refused] == [Mistake.BLOCK_ASKEW if is_turned else mistake]
+    assert [error.mistake for error in procedure.refused] == [Mistake.BLOCK_ASKEW if is_turned else mistake]
     assert 'jig' in record
 
 
@@ -338,7 +339,7 @@ def test_a_mistake_is_explained_and_only_its_part_is_repeated(finished, tmp_path
     desk, plan = desk_of([mistake])
     procedure = CommissioningProcedure(desk, desk, plan, record)
     procedure.run()
-    assert [error.mistake for _, error in procedure.refused] == [mistake]
+    assert [error.mistake for error in procedure.refused] == [mistake]
     explained = [question.text for question in desk.questions if question.act is Act.REPEAT]
     assert len(explained) == 1
     assert all(word in explained[0] for word in ('expected', 'got'))
@@ -355,7 +356,7 @@ def test_a_touch_during_the_rest_is_noticed_and_the_rest_is_repeated(finished, t
     record = without(finished[2], tmp_path, 'rest')
     procedure = CommissioningProcedure(desk, desk, plan, record)
     procedure.run()
-    assert [(error.where, error.mistake) for _, error in procedure.refused] == [('rest', Mistake.HAND_BETWEEN)]
+    assert [(error.where, error.mistake) for error in procedure.refused] == [('rest', Mistake.HAND_BETWEEN)]
     assert all(abs(pad['drift'][0]) < 1e-4 for pad in record['rest']['pads'])
 
 
@@ -465,7 +466,7 @@ def test_a_block_is_pressed_less_if_the_forces_on_the_foam_scatter(finished, tmp
 
 @pytest.mark.slow
 def test_a_step_without_a_result_is_not_finished(finished, tmp_path, monkeypatch):
-    monkeypatch.setattr(procedure, 'STEP_COMMANDS', 8)  # too few commands for five levels
+    monkeypatch.setattr(movement_steps, 'STEP_COMMANDS', 8)  # too few commands for five levels
     desk, plan = desk_of()
     record = without(finished[2], tmp_path, 'step')
     said = []
@@ -818,7 +819,7 @@ def test_pads_that_are_blind_for_a_second_change_no_result(finished, tmp_path, s
     record = without(finished[2], tmp_path, step)
     procedure = CommissioningProcedure(BlindPads(desk, commands, 1.0), desk, plan, record)
     procedure.run()
-    assert [error.mistake for _, error in procedure.refused] == [Mistake.PADS_SILENT]
+    assert [error.mistake for error in procedure.refused] == [Mistake.PADS_SILENT]
     found, expected = record[step], CommissioningRecord(finished[2])[step]
     if step == 'first movement':
         assert (found['effort'], found['opens_rising']) == (expected['effort'], expected['opens_rising'])
