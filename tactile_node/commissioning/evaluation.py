@@ -21,7 +21,7 @@ from tactile_node.commissioning.force import Close, EffortMap, map_effort, predi
 from tactile_node.commissioning.jig import PadPlace, place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_of, shift_per_load
 from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, Measurement, Verdict
-from tactile_node.commissioning.movement import StopCount, StopTrial, StopWay, start_latency, stop_latency
+from tactile_node.commissioning.movement import StopCount, StopTrial, StopWay, stop_latency, upper_bound
 from tactile_node.commissioning.opening_law import LEAST_BLOCKS, OpeningLaw, chord_error, find_law, speed_at
 from tactile_node.commissioning.pad_alignment import PadAlignment, find_alignment
 from tactile_node.commissioning.pad_mounting import PadMounting
@@ -144,7 +144,7 @@ class Evaluation:
 
     def stop_count(self, way: StopWay) -> StopCount:
         trials = self.trials(way)
-        return StopCount(way, len(trials), sum(trial.is_stopped for trial in trials))
+        return StopCount(len(trials), sum(trial.is_stopped for trial in trials))
 
     @property
     def stop_by(self) -> StopWay | None:
@@ -174,8 +174,8 @@ class Evaluation:
     @property
     def start_latency(self) -> float:
         """Upper bound of the time from a command to the movement [s]."""
-        trials = [trial for way in StopWay for trial in self.trials(way)]
-        return start_latency(trials, self.period)
+        started = [trial.started for way in StopWay for trial in self.trials(way)]
+        return upper_bound(started, self.period) if started else math.nan
 
     def stop_latency(self, way: StopWay) -> float:
         """Return the upper bound of the time from a stop to standstill [s]."""

@@ -44,7 +44,6 @@ class StopTrial(NamedTuple):
 class StopCount(NamedTuple):
     """The trials of one way to stop."""
 
-    way: StopWay
     trials: int
     stopped: int
 
@@ -99,11 +98,6 @@ def upper_bound(last_before: Sequence[float], period: float) -> float:
     spread = max(period, float(np.ptp(last_before)))
     missed = 1 - (1 - CONFIDENCE) ** (1 / len(last_before))
     return float(max(last_before)) + BOUND_FACTOR * spread * math.sqrt(missed)
-
-
-def start_latency(trials: Sequence[StopTrial], period: float) -> float:
-    """Return an upper bound of the time from a command to the movement [s]; NaN without trials."""
-    return upper_bound([trial.started for trial in trials], period) if trials else math.nan
 
 
 def stop_latency(trials: Sequence[StopTrial], period: float, noise: float, speed: float) -> float:

@@ -108,7 +108,7 @@ class PutDownWatch:
         self._goal, self._control.suspends_hold = None, False
         self._timer.cancel()
         rules = goal.rules
-        self._reply(goal.handle, outcome, rules.reason, rules.touch.signs, rules.touch.deviations)
+        self._reply(goal.handle, outcome, rules.reason, rules.signs, rules.deviations)
 
     def _reply(self, handle: ServerGoalHandle, outcome: PutDownOutcome, reason: str, signs: Sign = Sign.NONE,
                deviations: float = 0.0) -> None:

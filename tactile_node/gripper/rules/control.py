@@ -80,7 +80,18 @@ class Ending(NamedTuple):
 
 @dataclass
 class _Run:
-    """A goal that is being carried out, or the hold that follows a goal."""
+    """A goal that is being carried out, or the hold that follows a goal.
+
+    `TouchControl.look` moves a run from one state to the next:
+
+    | state | condition | the gripper |
+    | --- | --- | --- |
+    | waiting | ``waits`` | is stopped |
+    | moving | the task gives a speed | is driven to the target of the task |
+    | resting | the task gives no speed | is stopped, and may be driven again |
+    | ending | ``outcome`` is known | is stopped by one method, then by the other |
+    | ended | it has stopped, or both methods failed | is left alone; a hold may follow |
+    """
 
     handle: Any  #: the client's goal, with the property ``is_cancel_requested``
     wish: Wish
