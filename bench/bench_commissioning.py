@@ -24,12 +24,13 @@ from scipy.spatial.transform import Rotation
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import KEPT_SHARE, Evaluation
 from tactile_node.commissioning.jig import PadPlace
-from tactile_node.commissioning.measurement import Estimate, Verdict
+from tactile_node.commissioning.measurement import Estimate
 from tactile_node.commissioning.mistake import RefusedStepError
 from tactile_node.commissioning.movement import StopWay
 from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
 from tactile_node.commissioning.procedure import CommissioningProcedure
+from tactile_node.commissioning.report_lines import Verdict, fits_closing
 from tactile_node.commissioning.taxel_survey import TaxelFinding
 
 WEIGHT = 5.0  #: [N]
@@ -93,7 +94,7 @@ def compared(truth: Truth, found: Evaluation, record: CommissioningRecord) -> di
     kept = found.kept(StopWay.CANCEL)
     facts['lets go'] = bool(kept.value < KEPT_SHARE) if kept.is_known else None, \
         truth.lets_go if truth.failing is not StopWay.CANCEL else bool(kept.value < KEPT_SHARE)
-    closing = found.fits_closing()
+    closing = fits_closing(found)
     usable = truth.failing is not StopWay.GOAL or not truth.lets_go
     facts['fit'] = None if closing.verdict is Verdict.UNKNOWN else closing.verdict is Verdict.PASS, \
         usable and truth.step * abs(truth.slope(found.law.middle if found.law else truth.low)) * truth.stiffness \

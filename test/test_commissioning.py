@@ -27,7 +27,7 @@ from tactile_node.commissioning.force import map_effort, safe_force
 from tactile_node.commissioning.guarded_gripper import GuardedGripper, Move
 from tactile_node.commissioning.jig import place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_per_load
-from tactile_node.commissioning.measurement import Estimate, Verdict, line_through, mean_of
+from tactile_node.commissioning.measurement import Estimate, line_through, mean_of
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.movement import StopWay, upper_bound
 from tactile_node.commissioning.opening_law import KnuckleGap, chord_error, find_law
@@ -46,6 +46,7 @@ from tactile_node.commissioning.parameter_file import measured_parameters, pad_p
 from tactile_node.commissioning.procedure import OPTIONAL, CommissioningProcedure
 from tactile_node.commissioning.recording import JointStates, PadFrames, Recording
 from tactile_node.commissioning.report import found_lines, report_data, write_report
+from tactile_node.commissioning.report_lines import Verdict, fact_lines, fits_closing, measurement_lines
 from tactile_node.commissioning.session import FIRST_SHARE
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
@@ -282,7 +283,7 @@ def test_a_jig_shows_where_the_pads_are_in_the_frame_of_the_gripper(finished, tm
     for pose, centre in zip((gripper.left, gripper.right), centres):
         np.testing.assert_allclose(pose.place((middle, middle), 0.0), centre, rtol=0, atol=5e-4)
     assert gripper.left.normal @ truth.axes[:, 2] > np.cos(np.radians(1))
-    lines = {each.name: each.estimate for each in found.measurements}
+    lines = {each.name: each.estimate for each in measurement_lines(found)}
     for axis, true in zip('xyz', truth.place):
         each = lines[f'left pad, {axis} in the frame of the gripper']
         assert abs(each.value - true) < 4 * each.deviation
@@ -625,10 +626,10 @@ def test_the_report_contains_each_value_with_its_verdict(finished, tmp_path):
     write_report(tmp_path / 'report.md', tmp_path / 'report.json', found, measured_parameters(found, plan),
                  {'date': '2026-01-02'})
     page, data = (tmp_path / 'report.md').read_text(), json.loads((tmp_path / 'report.json').read_text())
-    assert len(data['measurements']) == len(found.measurements)
-    for line in (*found.measurements, *found.facts):
+    assert len(data['measurements']) == len(measurement_lines(found))
+    for line in (*measurement_lines(found), *fact_lines(found)):
         assert f'| {line.name} |' in page
-    assert found.fits_closing().verdict is not Verdict.UNKNOWN
+    assert fits_closing(found).verdict is not Verdict.UNKNOWN
 
 
 @pytest.mark.slow

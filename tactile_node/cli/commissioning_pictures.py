@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from tactile_node.commissioning.evaluation import MOST_LATENCY, Evaluation
+from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.movement import StopWay
 from tactile_node.commissioning.plan import CommissioningPlan
+from tactile_node.commissioning.report_lines import MOST_LATENCY
 from tactile_node.commissioning.taxel_survey import TaxelFinding
 from tactile_node.viewing.chart import DOT_WIDTH, LINE_WIDTH, POINT_COLOURS, PlotArea, Series, ticks
 from tactile_node.viewing.pad_picture import taxel_map
