@@ -89,9 +89,9 @@ def compared(truth: Truth, found: Evaluation, record: CommissioningRecord) -> di
             if found.taxels else None
         facts[f'faulty {pad}'] = faulty, sorted(map(list, truth.faulty[pad]))
     for way in StopWay:
-        count = found.stop_count(way)
-        facts[f'stop by {way.value}'] = count.is_reliable if count.trials else None, way is not truth.failing
-    kept = found.kept(StopWay.CANCEL)
+        tried = found.tried(way)
+        facts[f'stop by {way.value}'] = tried.is_reliable if tried.trials else None, way is not truth.failing
+    kept = found.tried(StopWay.CANCEL).kept
     facts['lets go'] = bool(kept.value < KEPT_SHARE) if kept.is_known else None, \
         truth.lets_go if truth.failing is not StopWay.CANCEL else bool(kept.value < KEPT_SHARE)
     closing = fits_closing(found)

@@ -702,7 +702,7 @@ def test_the_pictures_show_each_block_stop_close_and_pad(finished, tmp_path):
 
     def dots(name):
         return sum(each.get('d').count('h0') for each in pictures[name].iter() if each.get('class') == 'series')
-    stopped = sum(found.stop_count(way).stopped for way in StopWay)
+    stopped = sum(found.tried(way).stopped for way in StopWay)
     assert [dots(name) for name in list(pictures)[:4]] == [3, 3, stopped, 3 * plan.closes]
     texts = {name: [each.text for each in picture.iter() if each.tag.endswith('text')]
              for name, picture in pictures.items()}

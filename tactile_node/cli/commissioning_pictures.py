@@ -56,11 +56,11 @@ def _law(found: Evaluation, unit: str) -> dict[str, tuple[str, str]]:
 
 
 def _stops(found: Evaluation) -> dict[str, tuple[str, str]]:
-    longest = max(found.stop_count(way).trials for way in StopWay)
+    longest = max(len(found.tried(way).trials) for way in StopWay)
     curves = [Series(colour, np.array((1, longest)), np.full(2, level), LINE)
               for colour, level in ((GREY, 0.0), (VIOLET, 1e3 * MOST_LATENCY))]
     for colour, way in zip(POINT_COLOURS, StopWay):
-        stopped = np.array([1e3 * trial.stopped if trial.is_stopped else np.nan for trial in found.trials(way)])
+        stopped = np.array([1e3 * trial.stopped if trial.is_stopped else np.nan for trial in found.tried(way).trials])
         known = np.isfinite(stopped)
         curves.append(Series(colour, 1 + np.flatnonzero(known), stopped[known]))
     return {'stops.svg': (

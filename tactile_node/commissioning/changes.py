@@ -137,18 +137,18 @@ def _changes_of_gripper(before: Evaluation, now: Evaluation, unit: str) -> list[
                  for each in (before, now)]
         found.append(FoundChange(Change.DIRECTION, 'gripper', *words))
     period = max(before.period, now.period)
-    started, starts = ([trial.started for way in StopWay for trial in each.trials(way)] for each in (now, before))
+    started, starts = ([trial.started for way in StopWay for trial in each.tried(way).trials] for each in (now, before))
     if max(started) > (limit := largest_expected(starts, [starts], period, len(started))):
         found.append(_later(Change.STARTS_LATER, 'gripper', limit, max(started)))
-    stops = {way: [trial.stopped for trial in before.trials(way)] for way in StopWay
-             if before.stop_count(way).is_reliable}
+    stops = {way: [trial.stopped for trial in before.tried(way).trials] for way in StopWay
+             if before.tried(way).is_reliable}
     for way, times in stops.items():
-        where, count = f'stop by {way.value}', now.stop_count(way)
-        latest = max(trial.stopped for trial in now.trials(way))
-        if not count.is_reliable:
+        where, tried = f'stop by {way.value}', now.tried(way)
+        latest = max(trial.stopped for trial in tried.trials)
+        if not tried.is_reliable:
             found.append(FoundChange(Change.STOP_FAILS, where, 'no failed stop',
-                                     f'{count.stopped} of {count.trials} stopped'))
-        elif latest > (limit := largest_expected(times, list(stops.values()), period, count.trials)):
+                                     f'{tried.stopped} of {len(tried.trials)} stopped'))
+        elif latest > (limit := largest_expected(times, list(stops.values()), period, len(tried.trials))):
             found.append(_later(Change.STOPS_LATER, where, limit, latest))
     speeds = before.joint_speed, now.joint_speed
     change = abs(speeds[1].value - speeds[0].value)

@@ -21,7 +21,7 @@ from tactile_node.commissioning.force import Close, EffortMap, map_effort, predi
 from tactile_node.commissioning.jig import PadPlace, place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_of, shift_per_load
 from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate
-from tactile_node.commissioning.movement import StopCount, StopTrial, StopWay, stop_latency, upper_bound
+from tactile_node.commissioning.movement import StopTrial, StopWay, TriedStop, stop_latency, upper_bound
 from tactile_node.commissioning.opening_law import OpeningLaw, chord_error, find_law, speed_at
 from tactile_node.commissioning.pad_alignment import PadAlignment, find_alignment
 from tactile_node.commissioning.pad_mounting import PadMounting
@@ -111,22 +111,17 @@ class Evaluation:
         return find_law([grip.onset for grip in self.grips], [grip.width for grip in self.grips],
                         is_angle=self.plan.unit == 'rad')
 
-    def trials(self, way: StopWay) -> list[StopTrial]:
-        return [StopTrial(*each) for each in self.record.get('stops').get('trials', {}).get(way.value, [])]
-
-    def stop_count(self, way: StopWay) -> StopCount:
-        trials = self.trials(way)
-        return StopCount(len(trials), sum(trial.is_stopped for trial in trials))
+    def tried(self, way: StopWay) -> TriedStop:
+        """Return the trials of one way to stop. Without the steps `stops` and `foam`, they are empty and unknown."""
+        trials = self.record.get('stops').get('trials', {}).get(way.value, [])
+        kept = self.record.get('foam').get('kept', {}).get(way.value, NOT_MEASURED)
+        return TriedStop(tuple(StopTrial(*each) for each in trials), Estimate(*kept))
 
     @property
     def stop_by(self) -> StopWay | None:
         """The way to stop for touch_gripper: it never failed, and does not let go. None if there is none."""
-        return next((way for way in (StopWay.CANCEL, StopWay.GOAL) if self.stop_count(way).is_reliable
-                     and self.kept(way).value >= KEPT_SHARE), None)
-
-    def kept(self, way: StopWay) -> Estimate:
-        """Return the share of the force on foam that remains after a stop."""
-        return Estimate(*self.record.get('foam').get('kept', {}).get(way.value, NOT_MEASURED))
+        return next((way for way in (StopWay.CANCEL, StopWay.GOAL) if self.tried(way).is_reliable
+                     and self.tried(way).kept.value >= KEPT_SHARE), None)
 
     @property
     def held(self) -> Estimate:
@@ -146,14 +141,15 @@ class Evaluation:
     @property
     def start_latency(self) -> float:
         """Upper bound of the time from a command to the movement [s]."""
-        started = [trial.started for way in StopWay for trial in self.trials(way)]
+        started = [trial.started for way in StopWay for trial in self.tried(way).trials]
         return upper_bound(started, self.period) if started else math.nan
 
     def stop_latency(self, way: StopWay) -> float:
         """Return the upper bound of the time from a stop to standstill [s]."""
-        if not self.trials(way):
+        trials = self.tried(way).trials
+        if not trials:
             return math.nan
-        return stop_latency(self.trials(way), self.period, self.record['first movement']['noise'],
+        return stop_latency(trials, self.period, self.record['first movement']['noise'],
                             self.joint_speed.value)
 
     @property

@@ -41,20 +41,25 @@ class StopTrial(NamedTuple):
     returns: bool    #: True if the gripper moved back after it had stopped
 
 
-class StopCount(NamedTuple):
-    """The trials of one way to stop."""
+class TriedStop(NamedTuple):
+    """What a commissioning has found about one way to stop."""
 
-    trials: int
-    stopped: int
+    trials: tuple[StopTrial, ...]
+    kept: Estimate  #: share of the force on foam that remains after a stop
+
+    @property
+    def stopped(self) -> int:
+        """Number of trials in which the gripper stopped."""
+        return sum(trial.is_stopped for trial in self.trials)
 
     @property
     def is_reliable(self) -> bool:
-        return self.trials > 0 and self.stopped == self.trials
+        return bool(self.trials) and self.stopped == len(self.trials)
 
     @property
     def least_share(self) -> float:
         """Lower bound of the share of successful stops, with CONFIDENCE, if every trial succeeded; otherwise 0."""
-        return (1 - CONFIDENCE) ** (1 / self.trials) if self.is_reliable else 0.0
+        return (1 - CONFIDENCE) ** (1 / len(self.trials)) if self.is_reliable else 0.0
 
 
 def measure_stop(joint: JointStates, commanded: float, stopped: float, target: float, noise: float) -> StopTrial:

@@ -62,16 +62,15 @@ def fact_lines(found: Evaluation) -> list[ReportLine]:
         lines.append(ReportLine(f'{name} pad, faulty taxels', str(faulty or 'none'), Verdict.PASS,
                                 f'{unknown} taxels are unknown, because nothing pressed them'))
     for way in StopWay:
-        count = found.stop_count(way)
-        if not count.trials:
+        tried, kept = found.tried(way), found.tried(way).kept
+        if not tried.trials:
             lines.append(_unknown(f'stop by {way.value}'))
             continue
-        kept = found.kept(way)
         text = f'; keeps {100 * kept.value:.0f} % of the force on foam, at least {100 * KEPT_SHARE:.0f} % needed' \
             if kept.is_known else ''
-        sure = f'; at least {100 * count.least_share:.0f} % with 95 % confidence' if count.is_reliable else ''
-        fits = count.is_reliable and not (kept.is_known and kept.value < KEPT_SHARE)
-        lines.append(ReportLine(f'stop by {way.value}', f'{count.stopped} of {count.trials} stopped',
+        sure = f'; at least {100 * tried.least_share:.0f} % with 95 % confidence' if tried.is_reliable else ''
+        fits = tried.is_reliable and not (kept.is_known and kept.value < KEPT_SHARE)
+        lines.append(ReportLine(f'stop by {way.value}', f'{tried.stopped} of {len(tried.trials)} stopped',
                                 Verdict.PASS if fits else Verdict.FAIL, f'all must stop{sure}{text}'))
     return [*lines, fits_closing(found)]
 
@@ -79,9 +78,9 @@ def fact_lines(found: Evaluation) -> list[ReportLine]:
 def fits_closing(found: Evaluation) -> ReportLine:
     """Return whether the gripper is fit for closing by touch, with the numbers."""
     name, limit = 'fit for closing by touch', found.plan.force_limit
-    counts = ', '.join(f'{way.value} {count.stopped} of {count.trials}' for way in (StopWay.CANCEL, StopWay.GOAL)
-                       for count in [found.stop_count(way)])
-    if not found.trials(StopWay.CANCEL) or not found.kept(StopWay.CANCEL).is_known:
+    cancel, goal = (found.tried(way) for way in (StopWay.CANCEL, StopWay.GOAL))
+    counts = f'cancel {cancel.stopped} of {len(cancel.trials)}, goal {goal.stopped} of {len(goal.trials)}'
+    if not cancel.trials or not cancel.kept.is_known:
         return _unknown(name)
     if found.stop_by is None:
         return ReportLine(name, 'no', Verdict.FAIL, f'no way to stop is reliable and keeps the force: {counts}')
@@ -124,7 +123,7 @@ def measurement_lines(found: Evaluation) -> list[ReportLine]:
                     no_foam or 'too few efforts pressed with a force')]
     bounds = [('time from a command to the movement', found.start_latency, NOT_DONE),
               *((f'time from a stop by {way.value} to standstill', found.stop_latency(way),
-                 'a stop failed' if found.trials(way) else NOT_DONE) for way in (StopWay.CANCEL, StopWay.GOAL)),
+                 'a stop failed' if found.tried(way).trials else NOT_DONE) for way in (StopWay.CANCEL, StopWay.GOAL)),
               ('latency: time from a force on a pad to standstill', found.latency, NOT_DONE)]
     lines += [_line(name, Estimate(bound, 0.0), 's', unknown, f'upper bound; at most {1e3 * MOST_LATENCY:g} ms',
                     fits=bound <= MOST_LATENCY) for name, bound, unknown in bounds]
