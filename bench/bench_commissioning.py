@@ -112,14 +112,14 @@ def _longest_face() -> float:
 
 def _values(truth: Truth, found: Evaluation, record: CommissioningRecord) -> dict[str, Any]:
     law, values, poses = found.law, {}, {}
-    for pad, of in enumerate(record.get('rest').get('pads', [])):
+    for pad, of in enumerate(record['rest'].get('pads', [])):
         physical = 1 - pad if truth.is_swapped else pad
         values[f'noise {pad}'] = *of['noise'], truth.noise
         values[f'drift {pad}'] = *of['drift'], truth.drift[physical]
     result: dict[str, Any] = {}
     if law:
         readings = np.linspace(*law.readings, 11)
-        errors = [law.law.gap(each) - truth.gap(each) for each in readings]
+        errors = [law.opening(each).value - truth.gap(each) for each in readings]
         slopes = [law.slope(each).value / truth.slope(each) - 1 for each in readings]
         result['law'] = float(np.abs(errors).max()), float(np.abs(slopes).max())
         middle = law.middle
@@ -145,7 +145,7 @@ def _values(truth: Truth, found: Evaluation, record: CommissioningRecord) -> dic
     shift = found.shift_per_load[0]
     if shift.is_known:
         values['shift per load'] = *shift, truth.shift_per_load
-    proof = record.get('proof')
+    proof = record['proof']
     return result | {'values': values, 'poses': poses, 'closes': [close[0] for close in proof.get('closes', [])],
                      'predicted': proof.get('predicted'), 'reason': proof.get('reason', '')}
 

@@ -30,7 +30,7 @@ from tactile_node.commissioning.lateral_shift import shift_per_load
 from tactile_node.commissioning.measurement import Estimate, line_through, mean_of
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.movement import StopWay, upper_bound
-from tactile_node.commissioning.opening_law import KnuckleGap, chord_error, find_law
+from tactile_node.commissioning.opening_law import chord_error, find_law
 from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.pad_mounting import (
     MOUNTINGS,
@@ -51,7 +51,6 @@ from tactile_node.commissioning.session import FIRST_SHARE
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
 from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
-from tactile_node.grasp.opening import LinearGap
 from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.nodes.driver_source import driver_pads
 from tactile_node.parameter import table
@@ -177,12 +176,12 @@ def test_three_blocks_show_the_arc_of_a_knuckle_and_two_do_not():
     angles, widths = (0.2, 0.4, 0.6), [0.05 * np.cos(0.7 + angle) - 0.01 for angle in (0.2, 0.4, 0.6)]
     onsets = [Estimate(angle, 1e-5) for angle in angles]
     found = find_law(onsets, widths, is_angle=True)
-    assert isinstance(found.law, KnuckleGap)
-    assert found.law.gap(0.5) == pytest.approx(0.05 * np.cos(1.2) - 0.01, abs=1e-6)
+    assert found.is_of_knuckle
+    assert found.opening(0.5).value == pytest.approx(0.05 * np.cos(1.2) - 0.01, abs=1e-6)
     assert find_law(onsets[:2], widths[:2], is_angle=True) is None
     assert find_law(onsets, widths, is_angle=False) is None  # a slide has no arc, so a block is wrong
     straight = find_law(onsets, [0.08 - 0.1 * angle for angle in angles], is_angle=False)
-    assert isinstance(straight.law, LinearGap)
+    assert not straight.is_of_knuckle
     assert chord_error(found)[1] > 1e-4
 
 
@@ -855,7 +854,7 @@ def test_a_step_that_needs_a_skipped_step_is_left_out(finished, tmp_path):
     desk, plan = desk_of()
     record = CommissioningRecord(path)
     CommissioningProcedure(desk, desk, plan, record).run(('foam', 'step'))
-    assert record.steps.keys() == {'rest', 'pads', 'first movement', 'stops'}
+    assert record.keys() == {'rest', 'pads', 'first movement', 'stops'}
     assert not desk.commands
 
 

@@ -337,7 +337,7 @@ def _stated(args: argparse.Namespace, record: CommissioningRecord) -> dict[str, 
         'hold_time': ('--hold-time', args.hold_time), 'stop_trials': ('--stop-trials', args.stop_trials),
         'pads': ('--pads', args.pads)}
     given = {name: value for name, (_, value) in options.items() if value is not None}
-    if kept := record.get('plan'):
+    if kept := record['plan']:
         for name, value in given.items():
             if value != kept.get(name, DEFAULT_PADS):
                 raise ConfigurationError(options[name][0], expected=f'{kept[name]} as in the record', got=str(value),

@@ -39,13 +39,13 @@ def _law(found: Evaluation, unit: str) -> dict[str, tuple[str, str]]:
     position = f'position of the joint [{unit}]'
     readings = np.array([grip.onset.value for grip in found.grips])
     widths, line = np.array([grip.width for grip in found.grips]), np.linspace(*found.law.readings, 60)
-    misses = np.array([found.law.law.gap(reading) for reading in readings]) - widths
+    misses = np.array([found.law.opening(reading).value for reading in readings]) - widths
     spreads = [2 * found.law.opening(reading).deviation for reading in readings]
     bars = [Series(BLUE, np.array((reading, reading)), 1e3 * np.array((miss - spread, miss + spread)), LINE)
             for reading, miss, spread in zip(readings, misses, spreads)]
     return {
         'opening.svg': ('Opening over the position of the joint: law (blue) and gauge blocks (orange).', _drawn(
-            [Series(BLUE, line, np.array([1e3 * found.law.law.gap(each) for each in line]), LINE),
+            [Series(BLUE, line, np.array([1e3 * found.law.opening(each).value for each in line]), LINE),
              Series(ORANGE, readings, 1e3 * widths)], position, 'opening [mm]', {'law': BLUE, 'gauge blocks': ORANGE})),
         'opening_residuals.svg': (
             'Law minus width of the block (orange) over the position of the joint, with two standard deviations of the '

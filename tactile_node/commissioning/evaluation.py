@@ -22,7 +22,7 @@ from tactile_node.commissioning.jig import PadPlace, place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_of, shift_per_load
 from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate
 from tactile_node.commissioning.movement import StopTrial, StopWay, TriedStop, stop_latency, upper_bound
-from tactile_node.commissioning.opening_law import OpeningLaw, chord_error, find_law, speed_at
+from tactile_node.commissioning.opening_law import OpeningLaw, chord_error, find_law
 from tactile_node.commissioning.pad_alignment import PadAlignment, find_alignment
 from tactile_node.commissioning.pad_mounting import PadMounting
 from tactile_node.commissioning.pad_rest import PadRest
@@ -61,32 +61,32 @@ class Evaluation:
     @property
     def is_swapped(self) -> bool | None:
         """True if the driver's first pad is the right one; None if unknown."""
-        order = self.record.get('pads').get('order')
+        order = self.record['pads'].get('order')
         return None if order is None else order == [1, 0]
 
     @property
     def names(self) -> list[str]:
         """Names of the left and the right pad in the driver; empty if unknown."""
-        return [self.plan.pads[pad] for pad in self.record.get('pads').get('order', [])]
+        return [self.plan.pads[pad] for pad in self.record['pads'].get('order', [])]
 
     def of_skin(self, step: str) -> dict[str, str]:
         """Return the file and the text of the step `response` or `assessment`, or an empty dict."""
-        return self.record.get(step)
+        return self.record[step]
 
     @property
     def mountings(self) -> list[PadMounting]:
         """How the left and the right pad are mounted; empty if unknown."""
-        return [PadMounting(*each) for each in self.record.get('pads').get('mountings', [])]
+        return [PadMounting(*each) for each in self.record['pads'].get('mountings', [])]
 
     @property
     def taxels(self) -> list[np.ndarray]:
         """TaxelFinding of each taxel of the left and the right pad; empty if unknown."""
-        return [np.array(each) for each in self.record.get('pads').get('taxels', [])]
+        return [np.array(each) for each in self.record['pads'].get('taxels', [])]
 
     @cached_property
     def rests(self) -> list[PadRest]:
         """Properties of the untouched pads, in the order of the driver; empty if unknown."""
-        return [rest_from(each) for each in self.record.get('rest').get('pads', [])]
+        return [rest_from(each) for each in self.record['rest'].get('pads', [])]
 
     @property
     def driver_pads(self) -> list[DriverPad]:
@@ -104,7 +104,7 @@ class Evaluation:
 
     @cached_property
     def grips(self) -> list[BlockGrip]:
-        return [grip_from(content) for name, content in self.record.steps.items() if name.startswith('block ')]
+        return [grip_from(content) for name, content in self.record.items() if name.startswith('block ')]
 
     @cached_property
     def law(self) -> OpeningLaw | None:
@@ -113,8 +113,8 @@ class Evaluation:
 
     def tried(self, way: StopWay) -> TriedStop:
         """Return the trials of one way to stop. Without the steps `stops` and `foam`, they are empty and unknown."""
-        trials = self.record.get('stops').get('trials', {}).get(way.value, [])
-        kept = self.record.get('foam').get('kept', {}).get(way.value, NOT_MEASURED)
+        trials = self.record['stops'].get('trials', {}).get(way.value, [])
+        kept = self.record['foam'].get('kept', {}).get(way.value, NOT_MEASURED)
         return TriedStop(tuple(StopTrial(*each) for each in trials), Estimate(*kept))
 
     @property
@@ -126,17 +126,17 @@ class Evaluation:
     @property
     def held(self) -> Estimate:
         """Share of the force on foam that remains without commands."""
-        return Estimate(*self.record.get('foam').get('held', NOT_MEASURED))
+        return Estimate(*self.record['foam'].get('held', NOT_MEASURED))
 
     @property
     def period(self) -> float:
         """Period of the joint states [s]; NaN if unknown."""
-        return float(self.record.get('stops').get('period', math.nan))
+        return float(self.record['stops'].get('period', math.nan))
 
     @property
     def joint_speed(self) -> Estimate:
         """Speed of the joint in a free movement [reading/s]."""
-        return Estimate(*self.record.get('stops').get('speed', NOT_MEASURED))
+        return Estimate(*self.record['stops'].get('speed', NOT_MEASURED))
 
     @property
     def start_latency(self) -> float:
@@ -162,14 +162,14 @@ class Evaluation:
     @property
     def speed(self) -> Estimate:
         """Speed of the pads in a free movement [m/s]."""
-        return speed_at(self.law, self.law.middle, self.joint_speed) if self.law else NOT_MEASURED
+        return self.law.speed(self.law.middle, self.joint_speed) if self.law else NOT_MEASURED
 
     @property
     def step(self) -> Estimate:
         """Smallest change of the opening [m]."""
         if not self.law or 'step' not in self.record:
             return NOT_MEASURED
-        return speed_at(self.law, self.record['step']['at'], Estimate(*self.record['step']['step']))
+        return self.law.speed(self.record['step']['at'], Estimate(*self.record['step']['step']))
 
     def stiffness_at(self, grip: BlockGrip) -> Estimate:
         """Return the force per change of the opening in a grip [N/m]."""
@@ -195,7 +195,7 @@ class Evaluation:
     @property
     def effort_map(self) -> EffortMap:
         """Map from effort to force, on foam and blocks."""
-        foam = self.record.get('foam')
+        foam = self.record['foam']
         efforts = [*foam.get('efforts', []), *(each for grip in self.grips for each in grip.efforts)]
         forces = [*foam.get('forces', []), *(each for grip in self.grips for each in grip.forces)]
         slope, offset = map_effort(efforts, forces)
@@ -220,22 +220,24 @@ class Evaluation:
     @property
     def shift_per_load(self) -> tuple[Estimate, str]:
         """Shift of a contact per load, and the reason if it is not known [m]."""
-        hung = [hung_from(each) for each in self.record.get('weight').get('grips', [])]
+        hung = [hung_from(each) for each in self.record['weight'].get('grips', [])]
         return shift_per_load([shift_of(each, self.plan.weight, self.plan.down) for each in hung])
 
     @property
     def closes(self) -> list[Close]:
-        return [Close(*each) for each in self.record.get('proof').get('closes', [])]
+        return [Close(*each) for each in self.record['proof'].get('closes', [])]
 
     @property
     def predicted_overshoot(self) -> float:
         """Largest overshoot that was predicted for the closes [N]; NaN without closes."""
-        return float(self.record.get('proof').get('predicted', math.nan))
+        return float(self.record['proof'].get('predicted', math.nan))
 
     @property
     def widest_opening(self) -> float:
         """Opening at the open end of the joint, by the law [m]; NaN if unknown."""
-        return max(map(self.law.law.gap, (self.plan.low, self.plan.high))) if self.law else math.nan
+        if not self.law:
+            return math.nan
+        return max(self.law.opening(end).value for end in (self.plan.low, self.plan.high))
 
     def allowed_speed(self, force: float) -> float:
         """Return the speed at which the predicted overshoot is ``force`` [m/s].

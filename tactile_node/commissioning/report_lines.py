@@ -143,7 +143,7 @@ def measurement_lines(found: Evaluation) -> list[ReportLine]:
                   f'at least {HELD_SHARE:g}', fits=found.held.value >= HELD_SHARE),
             _line('shift per load', shift, 'm', no_shift),
             _line('largest overshoot of the closes', Estimate(max(overs, default=math.nan), 0.0), 'N',
-                  found.record.get('proof').get('reason', NOT_DONE), f'predicted at most {predicted:.2f} N',
+                  found.record['proof'].get('reason', NOT_DONE), f'predicted at most {predicted:.2f} N',
                   fits=max(overs, default=math.nan) <= predicted)]
 
 

@@ -60,7 +60,7 @@ class Session:
         self.plan, self.record = plan, record
         self._person = person
         self.refused: list[RefusedStepError] = []
-        self.gripper.noise = record.get('first movement').get('noise', self.gripper.noise)
+        self.gripper.noise = record['first movement'].get('noise', self.gripper.noise)
         self.order: tuple[int, ...] = ()
         self.places: tuple[np.ndarray, np.ndarray]
         self.recall_pads()
