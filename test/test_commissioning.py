@@ -95,7 +95,7 @@ def without(path, folder, step):
 def presses_on(mounting, corners, noise=0.0, rng=None):
     """Return the presses at ``corners`` (x, y) that a pad with this mounting reports."""
     places = [REACH * np.array(corner) + (noise * rng.standard_normal(2) if rng else 0) for corner in corners]
-    return [Press(0, tuple(np.linalg.inv(mounting.matrix) @ place), 5.0) for place in places]
+    return [Press(0, tuple(np.linalg.inv(mounting.matrix) @ place)) for place in places]
 
 
 @pytest.mark.parametrize('mounting', MOUNTINGS, ids=str)

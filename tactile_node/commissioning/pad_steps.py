@@ -16,8 +16,8 @@ from tactile_node.commissioning.pad_rest import measure_rest, was_touched
 from tactile_node.commissioning.recording import Recording
 from tactile_node.commissioning.session import Session
 from tactile_node.commissioning.taxel_survey import survey
+from tactile_node.grasp.tracker import SIDES
 
-PADS = 'left', 'right'
 PRESS_TIME = 4.0        #: Duration of the recording of a press [s].
 STROKE_TIME = 15.0      #: Duration of the recording in which the person presses everywhere [s].
 AGE_TIME = 5.0          #: Time over which the age of the frames is observed [s].
@@ -48,7 +48,7 @@ def find_pads(session: Session) -> dict[str, Any]:
     """Let the person press each pad, and find which pad is left, how the pads are mounted, and faulty taxels."""
     (left, first), (right, second) = session.attempt(_press_both, session)
     strokes = []
-    for pad in PADS:
+    for pad in SIDES:
         session.ask(Act.STROKE, f'Press everywhere on the {pad} pad for {STROKE_TIME:g} s.', pad=pad)
         strokes.append(session.attempt(_record_stroke, session, pad))
     findings = {pad: survey([each.pads[pad].forces for each in strokes]) for pad in (0, 1)}
@@ -56,7 +56,7 @@ def find_pads(session: Session) -> dict[str, Any]:
 
 
 def _press_both(session: Session) -> tuple[tuple[int, PadMounting], tuple[int, PadMounting]]:
-    left, right = (session.attempt(_press_pad, session, pad) for pad in PADS)
+    left, right = (session.attempt(_press_pad, session, pad) for pad in SIDES)
     check_two_pads(left[0], right[0])
     return left, right
 
