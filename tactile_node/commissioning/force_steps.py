@@ -1,11 +1,13 @@
 """The steps that press objects: foam, block, jig, weight and proof."""
 
+import math
 from typing import Any
 
 import numpy as np
 
 from tactile_node.commissioning import jig
 from tactile_node.commissioning.block_grip import (
+    MOST_SKEW,
     BlockFace,
     BlockGrip,
     Stall,
@@ -103,13 +105,13 @@ def press_block(session: Session, block: GaugeBlock) -> dict[str, Any]:
 
 
 def _grip(session: Session, block: GaugeBlock) -> BlockGrip:
-    stalls = _press(session, block, Act.BLOCK, f'Hold the block of {1e3 * block.width:g} mm freely between the pads'
-                    f'{UNTIL_HELD}')
-    return measure_grip(stalls, session.places, block.width, block.length, _rough_metres(session))
+    _, grip = _press(session, block, Act.BLOCK, f'Hold the block of {1e3 * block.width:g} mm freely between the pads'
+                     f'{UNTIL_HELD}', MOST_SKEW)
+    return grip
 
 
-def _press(session: Session, block: GaugeBlock, act: Act, text: str) -> list[Stall]:
-    """Let the person insert a block, and return the stalls on the block at rising efforts."""
+def _press(session: Session, block: GaugeBlock, act: Act, text: str, most_skew: float) -> tuple[list[Stall], BlockGrip]:
+    """Let the person insert a block, and return the stalls on the block at rising efforts, and the measured grip."""
     where = f'block of {1e3 * block.width:g} mm'
     session.insert(act, text, block.width)
     limit = session.plan.force_limit
@@ -118,7 +120,10 @@ def _press(session: Session, block: GaugeBlock, act: Act, text: str) -> list[Sta
                             limit, len(PROBE_SHARES) + STALLS)
     stalls = [_held_stall(session, _effort_for(session, share * limit), where) for share in PROBE_SHARES]
     first, second = stalls[-2:]
-    closed = max(abs(second.reading - first.reading), session.gripper.noise) * abs(_rough_metres(session))
+    widest = max(each.width for each in session.plan.blocks)
+    # rough change of the opening per unit of the reading, if the travel spans the widest block twice
+    metres = -session.towards * 2 * widest / session.plan.travel
+    closed = max(abs(second.reading - first.reading), session.gripper.noise) * abs(metres)
     work = second.force + abs(second.force - first.force) / closed * DEPTH
     foam = session.record['foam']
     most = min(BLOCK_SHARE * limit, safe_force(foam['efforts'], foam['forces'], limit), work)
@@ -126,7 +131,7 @@ def _press(session: Session, block: GaugeBlock, act: Act, text: str) -> list[Sta
         stalls.append(_held_stall(session, _effort_for(session, float(force)), where))
         if stalls[-1].force > limit:
             break
-    return stalls
+    return stalls, measure_grip(stalls, session.places, block.width, block.length, metres, most_skew)
 
 
 def press_jig(session: Session) -> dict[str, Any]:
@@ -142,10 +147,9 @@ def press_jig(session: Session) -> dict[str, Any]:
 def _grip_jig(session: Session) -> tuple[BlockFace, BlockFace]:
     """Return the faces of the block in the jig on both pads."""
     block = session.plan.jig_block
-    stalls = _press(session, block, Act.JIG, f'Put the block of {1e3 * block.width:g} mm into the jig. Hold the face A '
-                    'against the palm, and the faces B and C at their places beside it. Hold the block on the floor of '
-                    'the groove with a finger on its top, away from the pads.')
-    measure_grip(stalls, session.places, block.width, block.length, _rough_metres(session), jig.MOST_SKEW)
+    stalls, _ = _press(session, block, Act.JIG, f'Put the block of {1e3 * block.width:g} mm into the jig. Hold the '
+                       'face A against the palm, and the faces B and C at their places beside it. Hold the block on '
+                       'the floor of the groove with a finger on its top, away from the pads.', jig.MOST_SKEW)
     faces = measure_faces(stalls, session.places)
     jig.check_jig(faces)
     return faces
@@ -198,7 +202,9 @@ def prove_parameters(session: Session) -> dict[str, Any]:
     slope = abs(law.slope(grip.onset.value).value)
     stiffness = found.stiffness_at(grip).upper
     speed = max(SLOWEST, min(plan.overshoot / (found.latency * stiffness), found.speed.value))
-    predicted = predict_overshoot(found.latency, speed, stiffness, found.rounding) + _reading_error(session)
+    # The largest of several readings exceeds the true force by their noise.
+    noise = max(rest.noise.value for rest in found.rests) * math.sqrt(plan.grid.rows * plan.grid.cols)
+    predicted = predict_overshoot(found.latency, speed, stiffness, found.rounding) + READING_NOISES * noise
     session.insert(Act.OBJECT, f'Hold the block of {1e3 * block.width:g} mm between the pads{UNTIL_HELD}', block.width)
     start = grip.onset.value - session.towards * BACK / slope
     move = Move(session.closed_end, _effort_for(session, PROOF_FACTOR * plan.touch_force), speed / slope)
@@ -206,12 +212,6 @@ def prove_parameters(session: Session) -> dict[str, Any]:
                             plan.touch_force + predicted, plan.closes)
     closes = [session.attempt(_close, session, move, start, way, grip) for _ in range(plan.closes)]
     return {'closes': closes, 'speed': speed, 'predicted': predicted, 'reason': ''}
-
-
-def _reading_error(session: Session) -> float:
-    """Noise by which the largest of several force readings exceeds the true force [N]."""
-    noise = max(rest.noise.value for rest in session.found.rests)
-    return READING_NOISES * noise * float(np.sqrt(session.plan.grid.rows * session.plan.grid.cols))
 
 
 def _close(session: Session, move: Move, start: float, way: StopWay, grip: BlockGrip) -> Close:
@@ -276,9 +276,3 @@ def _effort_for(session: Session, force: float) -> float:
         raise RefusedStepError('foam', Mistake.BLOCK_MISSING, expected='a force that rises with the effort',
                                got='another one', remedy='Repeat the foam with another record.')
     return min(max(known.effort(force), session.record['first movement']['effort']), session.plan.most_effort)
-
-
-def _rough_metres(session: Session) -> float:
-    """Change of the opening per unit of the reading, assuming that the travel spans the widest block twice."""
-    widest = max(block.width for block in session.plan.blocks)
-    return -session.towards * 2 * widest / session.plan.travel

@@ -1,5 +1,6 @@
 """The steps that observe and press the pads, before the gripper moves."""
 
+from functools import partial
 from typing import Any
 
 from tactile_node.commissioning.commissioned_gripper import Act
@@ -50,7 +51,7 @@ def find_pads(session: Session) -> dict[str, Any]:
     strokes = []
     for pad in SIDES:
         session.ask(Act.STROKE, f'Press everywhere on the {pad} pad for {STROKE_TIME:g} s.', pad=pad)
-        strokes.append(session.attempt(_record_stroke, session, pad))
+        strokes.append(session.attempt(partial(session.gripper.watch, STROKE_TIME, f'{pad} pad', may_touch=True)))
     findings = {pad: survey([each.pads[pad].forces for each in strokes]) for pad in (0, 1)}
     return {'order': [left, right], 'mountings': [first, second], 'taxels': [findings[pad] for pad in (left, right)]}
 
@@ -71,7 +72,3 @@ def _press(session: Session, pad: str, place: str) -> Press:
                 '2 s.', pad=pad, place=place)
     recording = session.gripper.watch(PRESS_TIME, f'press on the {pad} pad', may_touch=True)
     return find_press(recording.pads, f'press on the {pad} pad, {place}')
-
-
-def _record_stroke(session: Session, pad: str) -> Recording:
-    return session.gripper.watch(STROKE_TIME, f'{pad} pad', may_touch=True)

@@ -55,12 +55,8 @@ class CommissioningProcedure:
 
     Parameters
     ----------
-    gripper, person
-        The gripper with its pads, and the person beside it.
-    plan : CommissioningPlan
-        Properties of the gripper from its data sheet, and durations of the steps.
-    record : CommissioningRecord
-        Results of the steps. Finished steps are not repeated.
+    gripper, person, plan, record
+        See `Session`. The steps that the record contains are not repeated.
     on_step : callable
         Function that is called with the name of each step before the step begins.
     on_result : callable
