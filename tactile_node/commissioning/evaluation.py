@@ -112,7 +112,10 @@ class Evaluation:
                         is_angle=self.plan.unit == 'rad')
 
     def tried(self, way: StopWay) -> TriedStop:
-        """Return the trials of one way to stop. Without the steps `stops` and `foam`, they are empty and unknown."""
+        """Return what is known about one way to stop.
+
+        Without the step `stops`, there are no trials. Without the step `foam`, the kept share is not known.
+        """
         trials = self.record['stops'].get('trials', {}).get(way.value, [])
         kept = self.record['foam'].get('kept', {}).get(way.value, NOT_MEASURED)
         return TriedStop(tuple(StopTrial(*each) for each in trials), Estimate(*kept))

@@ -68,7 +68,7 @@ class CommissioningProcedure:
                  record: CommissioningRecord, on_step: Callable[[str], None] = lambda name: None,
                  on_result: Callable[[str, str], None] = lambda name, reason: None):
         self._session, self._record = Session(gripper, person, plan, record), record
-        self.refused = self._session.refused  #: reasons of the parts that were refused
+        self.refused = self._session.refused  #: errors of the parts of steps that were refused
         self._on_step, self._on_result = on_step, on_result
         self.steps: dict[str, CommissioningStep] = {}  #: the steps of the plan by name, in their order
         for step in STEPS:

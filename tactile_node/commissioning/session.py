@@ -1,4 +1,4 @@
-"""Hold what every step of a commissioning uses, and the movements that several steps share."""
+"""Give the steps of a commissioning access to the gripper, the person and the record, and share their movements."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -30,7 +30,7 @@ UNTIL_HELD = '. After you have consented to the movements, keep holding it until
 
 
 class Session:
-    """The gripper, the person and the results of a commissioning, as the steps see them.
+    """The gripper, the person and the results of a commissioning, which each step gets.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Session:
     gripper : GuardedGripper
         The gripper, which moves only as the person has consented to.
     refused : list of RefusedStepError
-        Reasons of the parts that were refused.
+        Errors of the parts of steps that were refused.
     order : tuple of int
         Numbers of the left and the right pad in the driver; empty before the step `pads`.
     places : tuple of np.ndarray
