@@ -22,10 +22,10 @@ from tactile_node.grasp.opening import GapSource, LinearGap
 from tactile_node.gripper.duplicate_watch import DuplicateWatch
 from tactile_node.gripper.gripper_client import GripperClient
 from tactile_node.gripper.gripper_settings import GripperSettings
-from tactile_node.gripper.health import FAILURES, gripper_status, unseen_text, unserved_text
+from tactile_node.gripper.health import gripper_status, unseen_text, unserved_text
 from tactile_node.gripper.messages import GripperState, gripper_interface, touch_of
 from tactile_node.gripper.put_down_watch import RESULT_TIMEOUT, PutDownWatch
-from tactile_node.gripper.rules.closing import NO_TOUCH, Outcome
+from tactile_node.gripper.rules.closing import FAILURES, NO_TOUCH, Outcome
 from tactile_node.gripper.rules.control import Ending, TouchControl, Wish
 from tactile_node.nodes.grasp_requests import allow_feedback
 from tactile_node.nodes.guarded_subscription import GuardedSubscription

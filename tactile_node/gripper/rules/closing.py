@@ -62,6 +62,13 @@ class Outcome(IntEnum):
 
 #: Outcomes in which the gripper has fulfilled the goal.
 SUCCESSES = frozenset((Outcome.REACHED, Outcome.TOUCHED, Outcome.FORCE_REACHED))
+#: Outcomes of a command that got no response.
+SILENCES = frozenset((Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT))
+#: Outcomes after which the user should check the gripper or its wiring.
+FAILURES = SILENCES | {Outcome.NOT_STOPPED, Outcome.NOT_OPENING}
+#: Outcomes of a closing goal that are reported even if an unanswered command may still be moving the gripper. Any other
+#: outcome is replaced by NOT_STOPPED while such a command remains.
+TOLD_IN_DOUBT = SILENCES | {Outcome.GRIPPER_REFUSED, Outcome.REFUSED, Outcome.REPLACED, Outcome.DUPLICATE}
 
 
 class ForceReading(NamedTuple):

@@ -11,7 +11,9 @@ from tactile_node.grasp.tracker import GraspContact
 from tactile_node.gripper.rules.closing import (
     BEYOND,
     NO_TOUCH,
+    SILENCES,
     SUCCESSES,
+    TOLD_IN_DOUBT,
     Clearing,
     Closing,
     ForceReading,
@@ -22,16 +24,13 @@ from tactile_node.gripper.rules.closing import (
     check_number,
     make_goal,
 )
-from tactile_node.gripper.rules.commands import SILENCES, Commands, GripperAction, GripperResult
+from tactile_node.gripper.rules.commands import Commands, GripperAction, GripperResult
 from tactile_node.gripper.rules.holding import Holding
 from tactile_node.gripper.rules.touch_settings import TouchSettings
 
 LEAST_EXCESS = 0.05  #: If the force exceeds the goal's force by at least this much, the outcome's message says so [N].
 NEAR = 0.002  #: Largest distance from the commanded opening at which the gripper counts as being there [m].
 ROUNDING = 1e-6  #: Rounding error of an opening that is converted from the gripper's own unit [m].
-#: Outcomes of a closing goal that are reported even if an unanswered command may still be moving the gripper. Any other
-#: outcome is replaced by NOT_STOPPED while such a command remains.
-TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REFUSED, Outcome.REPLACED, Outcome.DUPLICATE)
 IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
 NOT_ENDING = ('the gripper refuses to cancel an earlier command, and no measurement shows it at rest: provide its '
               'measured opening, or restart its driver')
