@@ -24,12 +24,13 @@ from scipy.spatial.transform import Rotation
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.commissioning.evaluation import KEPT_SHARE, Evaluation
 from tactile_node.commissioning.jig import PadPlace
-from tactile_node.commissioning.measurement import Estimate, Verdict
+from tactile_node.commissioning.measurement import Estimate
 from tactile_node.commissioning.mistake import RefusedStepError
 from tactile_node.commissioning.movement import StopWay
 from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
 from tactile_node.commissioning.procedure import CommissioningProcedure
+from tactile_node.commissioning.report_lines import Verdict, fits_closing
 from tactile_node.commissioning.taxel_survey import TaxelFinding
 
 WEIGHT = 5.0  #: [N]
@@ -74,7 +75,7 @@ def commissioned(seed: int) -> dict[str, Any]:
         except RefusedStepError as error:
             end = str(error)
         return compared(truth, Evaluation(record, plan), record) | {
-            'seed': seed, 'end': end, 'refused': [str(error) for _, error in procedure.refused]}
+            'seed': seed, 'end': end, 'refused': [str(error) for error in procedure.refused]}
 
 
 def compared(truth: Truth, found: Evaluation, record: CommissioningRecord) -> dict[str, Any]:
@@ -88,12 +89,12 @@ def compared(truth: Truth, found: Evaluation, record: CommissioningRecord) -> di
             if found.taxels else None
         facts[f'faulty {pad}'] = faulty, sorted(map(list, truth.faulty[pad]))
     for way in StopWay:
-        count = found.stop_count(way)
-        facts[f'stop by {way.value}'] = count.is_reliable if count.trials else None, way is not truth.failing
-    kept = found.kept(StopWay.CANCEL)
+        tried = found.tried(way)
+        facts[f'stop by {way.value}'] = tried.is_reliable if tried.trials else None, way is not truth.failing
+    kept = found.tried(StopWay.CANCEL).kept
     facts['lets go'] = bool(kept.value < KEPT_SHARE) if kept.is_known else None, \
         truth.lets_go if truth.failing is not StopWay.CANCEL else bool(kept.value < KEPT_SHARE)
-    closing = found.fits_closing()
+    closing = fits_closing(found)
     usable = truth.failing is not StopWay.GOAL or not truth.lets_go
     facts['fit'] = None if closing.verdict is Verdict.UNKNOWN else closing.verdict is Verdict.PASS, \
         usable and truth.step * abs(truth.slope(found.law.middle if found.law else truth.low)) * truth.stiffness \
@@ -111,14 +112,14 @@ def _longest_face() -> float:
 
 def _values(truth: Truth, found: Evaluation, record: CommissioningRecord) -> dict[str, Any]:
     law, values, poses = found.law, {}, {}
-    for pad, of in enumerate(record.get('rest').get('pads', [])):
+    for pad, of in enumerate(record['rest'].get('pads', [])):
         physical = 1 - pad if truth.is_swapped else pad
         values[f'noise {pad}'] = *of['noise'], truth.noise
         values[f'drift {pad}'] = *of['drift'], truth.drift[physical]
     result: dict[str, Any] = {}
     if law:
         readings = np.linspace(*law.readings, 11)
-        errors = [law.law.gap(each) - truth.gap(each) for each in readings]
+        errors = [law.opening(each).value - truth.gap(each) for each in readings]
         slopes = [law.slope(each).value / truth.slope(each) - 1 for each in readings]
         result['law'] = float(np.abs(errors).max()), float(np.abs(slopes).max())
         middle = law.middle
@@ -144,7 +145,7 @@ def _values(truth: Truth, found: Evaluation, record: CommissioningRecord) -> dic
     shift = found.shift_per_load[0]
     if shift.is_known:
         values['shift per load'] = *shift, truth.shift_per_load
-    proof = record.get('proof')
+    proof = record['proof']
     return result | {'values': values, 'poses': poses, 'closes': [close[0] for close in proof.get('closes', [])],
                      'predicted': proof.get('predicted'), 'reason': proof.get('reason', '')}
 

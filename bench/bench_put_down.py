@@ -78,7 +78,7 @@ def touch(recogniser: VisibilityGuard, number: int, weight: float, speed: float,
     end, outcome, rules = found
     stopped = end + LATENCY + STOPPING
     return result | {'outcome': outcome.name if end >= MET else f'{outcome.name} before', 'after': end - MET,
-                     'signs': rules.touch.signs.text, 'deviations': rules.touch.deviations, 'most': descent.most,
+                     'signs': rules.signs.text, 'deviations': rules.deviations, 'most': descent.most,
                      'pressed': descent.pressed(stopped), 'turned': descent.path(stopped).get('turn', 0.0)}
 
 

@@ -28,7 +28,7 @@ ALLOWED = {
     'nodes': {'assembly', 'bus', 'logs', 'ros', 'skin', 'sources', 'viewing', *NUMERICAL},
     'gripper': {'commissioning', 'grasp', 'nodes', 'ros'}}
 #: Modules of the gripper controller that read topics.
-GRIPPER_NODES = {PACKAGE / 'gripper/gripper_node.py', PACKAGE / 'gripper/ros_gripper.py'}
+GRIPPER_NODES = {PACKAGE / 'gripper' / name for name in ('gripper_node.py', 'put_down_watch.py', 'ros_gripper.py')}
 #: Modules that the rules of the gripper controller may import from this package.
 OF_RULES = ('tactile_node.gripper.rules.', 'tactile_node.grasp.', 'tactile_node.errors', 'tactile_node.parameter')
 ROS = {'rclpy', 'tactile_skin', 'std_msgs', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'builtin_interfaces',

@@ -17,7 +17,7 @@ from launch_stand_in import processes_of, put_stand_ins
 from tactile_node.cli.commission import _check as check_of
 from tactile_node.cli.commission import _procedure as procedure_at
 from tactile_node.cli.commissioning_pictures import pictures_of
-from tactile_node.commissioning import procedure
+from tactile_node.commissioning import movement_steps
 from tactile_node.commissioning.block_grip import BlockFace
 from tactile_node.commissioning.changes import Change, find_changes, largest_expected
 from tactile_node.commissioning.commissioned_gripper import Act, Question
@@ -27,10 +27,10 @@ from tactile_node.commissioning.force import map_effort, safe_force
 from tactile_node.commissioning.guarded_gripper import GuardedGripper, Move
 from tactile_node.commissioning.jig import place_left_pad
 from tactile_node.commissioning.lateral_shift import shift_per_load
-from tactile_node.commissioning.measurement import Estimate, Verdict, line_through, mean_of
+from tactile_node.commissioning.measurement import Estimate, line_through, mean_of
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.movement import StopWay, upper_bound
-from tactile_node.commissioning.opening_law import KnuckleGap, chord_error, find_law
+from tactile_node.commissioning.opening_law import chord_error, find_law
 from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.pad_mounting import (
     MOUNTINGS,
@@ -43,13 +43,14 @@ from tactile_node.commissioning.pad_mounting import (
 )
 from tactile_node.commissioning.pad_rest import measure_rest, was_touched
 from tactile_node.commissioning.parameter_file import measured_parameters, pad_poses, write_parameters
-from tactile_node.commissioning.procedure import FIRST_SHARE, OPTIONAL, CommissioningProcedure
+from tactile_node.commissioning.procedure import OPTIONAL, CommissioningProcedure
 from tactile_node.commissioning.recording import JointStates, PadFrames, Recording
 from tactile_node.commissioning.report import found_lines, report_data, write_report
+from tactile_node.commissioning.report_lines import Verdict, fact_lines, fits_closing, measurement_lines
+from tactile_node.commissioning.session import FIRST_SHARE
 from tactile_node.commissioning.taxel_survey import TaxelFinding, survey
 from tactile_node.errors import InputError
 from tactile_node.grasp.gripper import Gripper, PadPose, contact_line
-from tactile_node.grasp.opening import LinearGap
 from tactile_node.gripper.gripper_settings import GripperSettings
 from tactile_node.nodes.driver_source import driver_pads
 from tactile_node.parameter import table
@@ -94,7 +95,7 @@ def without(path, folder, step):
 def presses_on(mounting, corners, noise=0.0, rng=None):
     """Return the presses at ``corners`` (x, y) that a pad with this mounting reports."""
     places = [REACH * np.array(corner) + (noise * rng.standard_normal(2) if rng else 0) for corner in corners]
-    return [Press(0, tuple(np.linalg.inv(mounting.matrix) @ place), 5.0) for place in places]
+    return [Press(0, tuple(np.linalg.inv(mounting.matrix) @ place)) for place in places]
 
 
 @pytest.mark.parametrize('mounting', MOUNTINGS, ids=str)
@@ -175,12 +176,12 @@ def test_three_blocks_show_the_arc_of_a_knuckle_and_two_do_not():
     angles, widths = (0.2, 0.4, 0.6), [0.05 * np.cos(0.7 + angle) - 0.01 for angle in (0.2, 0.4, 0.6)]
     onsets = [Estimate(angle, 1e-5) for angle in angles]
     found = find_law(onsets, widths, is_angle=True)
-    assert isinstance(found.law, KnuckleGap)
-    assert found.law.gap(0.5) == pytest.approx(0.05 * np.cos(1.2) - 0.01, abs=1e-6)
+    assert found.is_of_knuckle
+    assert found.opening(0.5).value == pytest.approx(0.05 * np.cos(1.2) - 0.01, abs=1e-6)
     assert find_law(onsets[:2], widths[:2], is_angle=True) is None
     assert find_law(onsets, widths, is_angle=False) is None  # a slide has no arc, so a block is wrong
     straight = find_law(onsets, [0.08 - 0.1 * angle for angle in angles], is_angle=False)
-    assert isinstance(straight.law, LinearGap)
+    assert not straight.is_of_knuckle
     assert chord_error(found)[1] > 1e-4
 
 
@@ -281,7 +282,7 @@ def test_a_jig_shows_where_the_pads_are_in_the_frame_of_the_gripper(finished, tm
     for pose, centre in zip((gripper.left, gripper.right), centres):
         np.testing.assert_allclose(pose.place((middle, middle), 0.0), centre, rtol=0, atol=5e-4)
     assert gripper.left.normal @ truth.axes[:, 2] > np.cos(np.radians(1))
-    lines = {each.name: each.estimate for each in found.measurements}
+    lines = {each.name: each.estimate for each in measurement_lines(found)}
     for axis, true in zip('xyz', truth.place):
         each = lines[f'left pad, {axis} in the frame of the gripper']
         assert abs(each.value - true) < 4 * each.deviation
@@ -301,7 +302,7 @@ def test_a_jig_that_is_missing_askew_or_turned_is_noticed(finished, tmp_path, mi
         return answer
     desk.ask = turned_once
     procedure.run()
-    assert [error.mistake for _, error in procedure.refused] == [Mistake.BLOCK_ASKEW if is_turned else mistake]
+    assert [error.mistake for error in procedure.refused] == [Mistake.BLOCK_ASKEW if is_turned else mistake]
     assert 'jig' in record
 
 
@@ -338,7 +339,7 @@ def test_a_mistake_is_explained_and_only_its_part_is_repeated(finished, tmp_path
     desk, plan = desk_of([mistake])
     procedure = CommissioningProcedure(desk, desk, plan, record)
     procedure.run()
-    assert [error.mistake for _, error in procedure.refused] == [mistake]
+    assert [error.mistake for error in procedure.refused] == [mistake]
     explained = [question.text for question in desk.questions if question.act is Act.REPEAT]
     assert len(explained) == 1
     assert all(word in explained[0] for word in ('expected', 'got'))
@@ -355,7 +356,7 @@ def test_a_touch_during_the_rest_is_noticed_and_the_rest_is_repeated(finished, t
     record = without(finished[2], tmp_path, 'rest')
     procedure = CommissioningProcedure(desk, desk, plan, record)
     procedure.run()
-    assert [(error.where, error.mistake) for _, error in procedure.refused] == [('rest', Mistake.HAND_BETWEEN)]
+    assert [(error.where, error.mistake) for error in procedure.refused] == [('rest', Mistake.HAND_BETWEEN)]
     assert all(abs(pad['drift'][0]) < 1e-4 for pad in record['rest']['pads'])
 
 
@@ -465,7 +466,7 @@ def test_a_block_is_pressed_less_if_the_forces_on_the_foam_scatter(finished, tmp
 
 @pytest.mark.slow
 def test_a_step_without_a_result_is_not_finished(finished, tmp_path, monkeypatch):
-    monkeypatch.setattr(procedure, 'STEP_COMMANDS', 8)  # too few commands for five levels
+    monkeypatch.setattr(movement_steps, 'STEP_COMMANDS', 8)  # too few commands for five levels
     desk, plan = desk_of()
     record = without(finished[2], tmp_path, 'step')
     said = []
@@ -624,10 +625,10 @@ def test_the_report_contains_each_value_with_its_verdict(finished, tmp_path):
     write_report(tmp_path / 'report.md', tmp_path / 'report.json', found, measured_parameters(found, plan),
                  {'date': '2026-01-02'})
     page, data = (tmp_path / 'report.md').read_text(), json.loads((tmp_path / 'report.json').read_text())
-    assert len(data['measurements']) == len(found.measurements)
-    for line in (*found.measurements, *found.facts):
+    assert len(data['measurements']) == len(measurement_lines(found))
+    for line in (*measurement_lines(found), *fact_lines(found)):
         assert f'| {line.name} |' in page
-    assert found.fits_closing().verdict is not Verdict.UNKNOWN
+    assert fits_closing(found).verdict is not Verdict.UNKNOWN
 
 
 @pytest.mark.slow
@@ -700,7 +701,7 @@ def test_the_pictures_show_each_block_stop_close_and_pad(finished, tmp_path):
 
     def dots(name):
         return sum(each.get('d').count('h0') for each in pictures[name].iter() if each.get('class') == 'series')
-    stopped = sum(found.stop_count(way).stopped for way in StopWay)
+    stopped = sum(found.tried(way).stopped for way in StopWay)
     assert [dots(name) for name in list(pictures)[:4]] == [3, 3, stopped, 3 * plan.closes]
     texts = {name: [each.text for each in picture.iter() if each.tag.endswith('text')]
              for name, picture in pictures.items()}
@@ -818,7 +819,7 @@ def test_pads_that_are_blind_for_a_second_change_no_result(finished, tmp_path, s
     record = without(finished[2], tmp_path, step)
     procedure = CommissioningProcedure(BlindPads(desk, commands, 1.0), desk, plan, record)
     procedure.run()
-    assert [error.mistake for _, error in procedure.refused] == [Mistake.PADS_SILENT]
+    assert [error.mistake for error in procedure.refused] == [Mistake.PADS_SILENT]
     found, expected = record[step], CommissioningRecord(finished[2])[step]
     if step == 'first movement':
         assert (found['effort'], found['opens_rising']) == (expected['effort'], expected['opens_rising'])
@@ -853,7 +854,7 @@ def test_a_step_that_needs_a_skipped_step_is_left_out(finished, tmp_path):
     desk, plan = desk_of()
     record = CommissioningRecord(path)
     CommissioningProcedure(desk, desk, plan, record).run(('foam', 'step'))
-    assert record.steps.keys() == {'rest', 'pads', 'first movement', 'stops'}
+    assert record.keys() == {'rest', 'pads', 'first movement', 'stops'}
     assert not desk.commands
 
 

@@ -172,7 +172,7 @@ def test_a_lasting_change_is_a_touch(amount, seconds, sign, angle):
     """At an angle of a quarter turn, the angle of a rectangle may jump to the equivalent angle of minus a quarter."""
     planner = Planner(later(ramp(amount, seconds, OF_SIGN[sign])), angle=angle)
     assert planner.put_down() is PutDownOutcome.SOMETHING_TOUCHES
-    assert planner.rules.touch.signs == sign and planner.rules.touch.deviations >= 3
+    assert planner.rules.signs == sign and planner.rules.deviations >= 3
     assert AFTER + LASTING < planner.ended < AFTER + seconds + LASTING + AGE + PERIOD + LOOK
 
 
@@ -196,7 +196,7 @@ def test_a_larger_change_is_surer():
     def sureness(shift):
         planner = Planner(later(lambda time: {'shift': shift}))
         assert planner.put_down() is PutDownOutcome.SOMETHING_TOUCHES
-        return planner.rules.touch.deviations
+        return planner.rules.deviations
     assert sureness(0.5e-3) < sureness(1e-3) < sureness(2e-3)
 
 
@@ -256,7 +256,7 @@ def test_a_contact_without_force_and_angle_is_watched_by_its_place():
             contact = super()._contact(shift, force, angle)
             return contact._replace(force=math.nan, angle=math.nan, outline='', symmetry=0)
     planner = OnOff(later(ramp(1e-3, 0.2)))
-    assert planner.put_down() is PutDownOutcome.SOMETHING_TOUCHES and planner.rules.touch.signs is Sign.SHIFTED
+    assert planner.put_down() is PutDownOutcome.SOMETHING_TOUCHES and planner.rules.signs is Sign.SHIFTED
 
 
 def test_another_outline_is_no_turn():

@@ -14,7 +14,7 @@ first, and after the recordings of --disc and --shapes; 130 after Ctrl-C.
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from datetime import datetime
@@ -22,16 +22,24 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+import tactile_node
+from tactile_node.cli.commissioning_pictures import pictures_of
 from tactile_node.cli.options import add_number, names, number, pad_names
+from tactile_node.commissioning.changes import COMPARED, find_changes
+from tactile_node.commissioning.commissioned_gripper import Question
+from tactile_node.commissioning.commissioning_record import CommissioningRecord, plan_from
+from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.mistake import RefusedStepError
+from tactile_node.commissioning.parameter_file import measured_parameters, write_parameters
+from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
+from tactile_node.commissioning.procedure import OPTIONAL, CommissioningProcedure
+from tactile_node.commissioning.recording import PadGrid
+from tactile_node.commissioning.report import found_lines, write_report
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.interruption import interrupted_once
 from tactile_node.output_file import output_file
 
 if TYPE_CHECKING:
-    from tactile_node.commissioning.commissioned_gripper import Question
-    from tactile_node.commissioning.commissioning_record import CommissioningRecord
-    from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
-    from tactile_node.commissioning.recording import PadGrid
     from tactile_node.gripper.ros_gripper import RosGripper
 
 GRAVITY = 9.81       #: [m/s²]
@@ -101,7 +109,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Commission the gripper or check it. Return 0, or REFUSED_CODE after a refused step or a change."""
-    from tactile_node.commissioning.commissioning_record import CommissioningRecord
     _check_options(args)
     folder = Path(args.output)
     try:
@@ -145,7 +152,7 @@ class Terminal:
     def say(self, text: str) -> None:
         print(text, file=self._texts, flush=True)
 
-    def ask(self, question: 'Question') -> str:
+    def ask(self, question: Question) -> str:
         """Return the choice that the person types, or the beginning of which the person types.
 
         Raises
@@ -172,60 +179,52 @@ class Terminal:
                 return found[0]
 
 
-def _commission(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', record: 'CommissioningRecord',
+def _commission(gripper: 'RosGripper', person: Terminal, plan: CommissioningPlan, record: CommissioningRecord,
                 folder: Path, skip: Sequence[str]) -> int:
     """Carry out the steps, and write all files even if a step is refused or the person interrupts."""
-    from tactile_node.commissioning.mistake import RefusedStepError
-    procedure = _procedure(gripper, person, plan, record)
-    try:
-        procedure.run(skip)
-    except RefusedStepError as error:
-        print(f'tactile: error: {error}', file=sys.stderr)
-        return REFUSED_CODE
-    finally:
-        _write_results(plan, record, folder, person)
-        _say_unfinished(person, procedure.unfinished(skip), 'Start the same command again to carry out these '
-                        'steps.')
-    return 0
+    is_done = _carry_out(gripper, person, plan, record, skip, 'Start the same command again to carry out these steps.',
+                         lambda: _write_results(plan, record, folder, person))
+    return 0 if is_done else REFUSED_CODE
 
 
-def _check(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', first: 'CommissioningRecord',
+def _check(gripper: 'RosGripper', person: Terminal, plan: CommissioningPlan, first: CommissioningRecord,
            folder: Path) -> int:
     """Repeat the steps that a check compares, and print the changes."""
-    from tactile_node.commissioning.changes import find_changes
-    from tactile_node.commissioning.commissioning_record import CommissioningRecord
-    from tactile_node.commissioning.mistake import RefusedStepError
-    from tactile_node.commissioning.procedure import OPTIONAL
     path = folder / 'check.json'
     path.unlink(missing_ok=True)
     check = CommissioningRecord(path)
     short = replace(plan, rest_time=CHECK_REST, stop_trials=CHECK_TRIALS)
-    procedure = _procedure(gripper, person, short, check)
-    try:
-        procedure.run(OPTIONAL)
-    except RefusedStepError as error:
-        print(f'tactile: error: {error}', file=sys.stderr)
+    remedy = 'The record of the commissioning is unchanged. Start the same command again to repeat the whole check.'
+    if not _carry_out(gripper, person, short, check, OPTIONAL, remedy):
         return REFUSED_CODE
-    finally:
-        _say_unfinished(person, procedure.unfinished(OPTIONAL), 'The record of the commissioning is unchanged. Start '
-                        'the same command again to repeat the whole check.')
     found = find_changes(first, check, plan)
     person.say('\n'.join(map(str, found)) or 'No change was found.')
     return REFUSED_CODE if found else 0
 
 
-def _say_unfinished(person: Terminal, steps: Sequence[str], remedy: str) -> None:
-    """Print the steps without results, and how the procedure has stopped the gripper if it was moving."""
-    if steps:
-        person.say(f'\nNot finished: {", ".join(steps)}. If the command was moving the gripper, it has cancelled its '
-                   f'goals and commanded the present position. {remedy}')
+def _carry_out(gripper: 'RosGripper', person: Terminal, plan: CommissioningPlan, record: CommissioningRecord,
+               skip: Sequence[str], remedy: str, at_end: Callable[[], None] = lambda: None) -> bool:
+    """Carry out the steps, and return False if a step was refused.
+
+    At the end, also after an interruption, call ``at_end``. Then print the steps without results, how the procedure has
+    stopped the gripper, and the ``remedy``.
+    """
+    procedure = _procedure(gripper, person, plan, record)
+    try:
+        procedure.run(skip)
+        return True
+    except RefusedStepError as error:
+        print(f'tactile: error: {error}', file=sys.stderr)
+        return False
+    finally:
+        at_end()
+        if steps := procedure.unfinished(skip):
+            person.say(f'\nNot finished: {", ".join(steps)}. If the command was moving the gripper, it has cancelled '
+                       f'its goals and commanded the present position. {remedy}')
 
 
-def _procedure(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan', record: 'CommissioningRecord'
-               ) -> Any:
-    from tactile_node.commissioning.evaluation import Evaluation
-    from tactile_node.commissioning.procedure import CommissioningProcedure
-    from tactile_node.commissioning.report import found_lines
+def _procedure(gripper: 'RosGripper', person: Terminal, plan: CommissioningPlan, record: CommissioningRecord
+               ) -> CommissioningProcedure:
     said = found_lines(Evaluation(record, plan))
 
     def say_results(step: str, reason: str) -> None:
@@ -239,12 +238,7 @@ def _procedure(gripper: 'RosGripper', person: Terminal, plan: 'CommissioningPlan
                                   say_results)
 
 
-def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', folder: Path, person: Terminal) -> None:
-    import tactile_node
-    from tactile_node.cli.commissioning_pictures import pictures_of
-    from tactile_node.commissioning.evaluation import Evaluation
-    from tactile_node.commissioning.parameter_file import measured_parameters, write_parameters
-    from tactile_node.commissioning.report import write_report
+def _write_results(plan: CommissioningPlan, record: CommissioningRecord, folder: Path, person: Terminal) -> None:
     found = Evaluation(record, plan)
     parameters = measured_parameters(found, plan)
     if parameters.nodes:  # ROS refuses a file without parameters
@@ -268,7 +262,7 @@ def _write_results(plan: 'CommissioningPlan', record: 'CommissioningRecord', fol
 
 
 @contextmanager
-def _connected(args: argparse.Namespace, joint: str, pads: Sequence[str]) -> 'Iterator[tuple[RosGripper, PadGrid]]':
+def _connected(args: argparse.Namespace, joint: str, pads: Sequence[str]) -> Iterator[tuple['RosGripper', PadGrid]]:
     """Connect to the gripper and the pads. At the end, wait until the gripper has answered the last commands."""
     import rclpy
     from rclpy.signals import SignalHandlerOptions
@@ -297,7 +291,6 @@ def _connected(args: argparse.Namespace, joint: str, pads: Sequence[str]) -> 'It
 
 
 def _check_options(args: argparse.Namespace) -> None:
-    from tactile_node.commissioning.procedure import OPTIONAL
     if not sys.stdin.isatty():
         raise ConfigurationError('standard input', expected='a terminal, because a person has to watch the gripper',
                                  got='a file or a pipe', remedy='Start the command in a terminal, without "<" or "|".')
@@ -319,14 +312,13 @@ def _check_folder(folder: Path) -> None:
                          got=', '.join(present), remedy='Give another folder.')
 
 
-def _check_record(record: 'CommissioningRecord', folder: Path) -> None:
-    from tactile_node.commissioning.changes import COMPARED
+def _check_record(record: CommissioningRecord, folder: Path) -> None:
     if missing := [step for step in COMPARED if step not in record]:
         raise ConfigurationError(f'{folder}/record.json', expected=f'the steps {", ".join(COMPARED)}',
                                  got=f'no {", ".join(missing)}', remedy='Commission the gripper first.')
 
 
-def _stated(args: argparse.Namespace, record: 'CommissioningRecord') -> dict[str, Any]:
+def _stated(args: argparse.Namespace, record: CommissioningRecord) -> dict[str, Any]:
     """Return the fields of the plan that the options and the record state.
 
     Raises
@@ -345,7 +337,7 @@ def _stated(args: argparse.Namespace, record: 'CommissioningRecord') -> dict[str
         'hold_time': ('--hold-time', args.hold_time), 'stop_trials': ('--stop-trials', args.stop_trials),
         'pads': ('--pads', args.pads)}
     given = {name: value for name, (_, value) in options.items() if value is not None}
-    if kept := record.get('plan'):
+    if kept := record['plan']:
         for name, value in given.items():
             if value != kept.get(name, DEFAULT_PADS):
                 raise ConfigurationError(options[name][0], expected=f'{kept[name]} as in the record', got=str(value),
@@ -357,9 +349,8 @@ def _stated(args: argparse.Namespace, record: 'CommissioningRecord') -> dict[str
     return given
 
 
-def _plan(args: argparse.Namespace, record: 'CommissioningRecord', grid: 'PadGrid') -> 'CommissioningPlan':
+def _plan(args: argparse.Namespace, record: CommissioningRecord, grid: PadGrid) -> CommissioningPlan:
     """Return the plan from the record, or save the plan of the first run there."""
-    from tactile_node.commissioning.commissioning_record import plan_from
     stated = _stated(args, record)
     blocks = [asdict(_block(each)) for each in ('0.010:0.022', '0.025:0.018', '0.040:0.014')]
     plan = plan_from({'blocks': blocks, 'weight': GRAVITY / 2, 'down': DOWN['base'], 'grid': grid} | stated)
@@ -381,8 +372,7 @@ def _jig(values: Sequence[str]) -> tuple[float, ...]:
     return (*found, 0.0, 0.0, 0.0)[:6]
 
 
-def _block(text: str) -> 'GaugeBlock':
-    from tactile_node.commissioning.plan import GaugeBlock
+def _block(text: str) -> GaugeBlock:
     width, _, length = text.partition(':')
     return GaugeBlock(*(number(each, '--blocks', above=0, unit='m', remedy='For example 0.010:0.022.')
                         for each in (width, length)))

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from tactile_node.commissioning.evaluation import MOST_LATENCY, Evaluation
+from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.movement import StopWay
 from tactile_node.commissioning.plan import CommissioningPlan
+from tactile_node.commissioning.report_lines import MOST_LATENCY
 from tactile_node.commissioning.taxel_survey import TaxelFinding
 from tactile_node.viewing.chart import DOT_WIDTH, LINE_WIDTH, POINT_COLOURS, PlotArea, Series, ticks
 from tactile_node.viewing.pad_picture import taxel_map
@@ -38,13 +39,13 @@ def _law(found: Evaluation, unit: str) -> dict[str, tuple[str, str]]:
     position = f'position of the joint [{unit}]'
     readings = np.array([grip.onset.value for grip in found.grips])
     widths, line = np.array([grip.width for grip in found.grips]), np.linspace(*found.law.readings, 60)
-    misses = np.array([found.law.law.gap(reading) for reading in readings]) - widths
+    misses = np.array([found.law.opening(reading).value for reading in readings]) - widths
     spreads = [2 * found.law.opening(reading).deviation for reading in readings]
     bars = [Series(BLUE, np.array((reading, reading)), 1e3 * np.array((miss - spread, miss + spread)), LINE)
             for reading, miss, spread in zip(readings, misses, spreads)]
     return {
         'opening.svg': ('Opening over the position of the joint: law (blue) and gauge blocks (orange).', _drawn(
-            [Series(BLUE, line, np.array([1e3 * found.law.law.gap(each) for each in line]), LINE),
+            [Series(BLUE, line, np.array([1e3 * found.law.opening(each).value for each in line]), LINE),
              Series(ORANGE, readings, 1e3 * widths)], position, 'opening [mm]', {'law': BLUE, 'gauge blocks': ORANGE})),
         'opening_residuals.svg': (
             'Law minus width of the block (orange) over the position of the joint, with two standard deviations of the '
@@ -55,11 +56,11 @@ def _law(found: Evaluation, unit: str) -> dict[str, tuple[str, str]]:
 
 
 def _stops(found: Evaluation) -> dict[str, tuple[str, str]]:
-    longest = max(found.stop_count(way).trials for way in StopWay)
+    longest = max(len(found.tried(way).trials) for way in StopWay)
     curves = [Series(colour, np.array((1, longest)), np.full(2, level), LINE)
               for colour, level in ((GREY, 0.0), (VIOLET, 1e3 * MOST_LATENCY))]
     for colour, way in zip(POINT_COLOURS, StopWay):
-        stopped = np.array([1e3 * trial.stopped if trial.is_stopped else np.nan for trial in found.trials(way)])
+        stopped = np.array([1e3 * trial.stopped if trial.is_stopped else np.nan for trial in found.tried(way).trials])
         known = np.isfinite(stopped)
         curves.append(Series(colour, 1 + np.flatnonzero(known), stopped[known]))
     return {'stops.svg': (

@@ -77,7 +77,7 @@ class BlockGrip(NamedTuple):
 
 
 def measure_grip(stalls: Sequence[Stall], places: tuple[np.ndarray, np.ndarray], width: float, length: float,
-                 metres: float, most_skew: float = MOST_SKEW) -> BlockGrip:
+                 metres: float, most_skew: float) -> BlockGrip:
     """Return the measured grip of a block.
 
     Parameters

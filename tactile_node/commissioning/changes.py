@@ -9,11 +9,9 @@ import numpy as np
 from scipy.special import stdtrit
 
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
-from tactile_node.commissioning.evaluation import Evaluation
+from tactile_node.commissioning.evaluation import DriverPad, Evaluation
 from tactile_node.commissioning.guarded_gripper import MOST_DRIFT
-from tactile_node.commissioning.measurement import Estimate
 from tactile_node.commissioning.movement import StopWay
-from tactile_node.commissioning.pad_mounting import PadMounting
 from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.taxel_survey import TaxelFinding
 
@@ -67,112 +65,95 @@ def find_changes(first: CommissioningRecord, check: CommissioningRecord, plan: C
     plan : CommissioningPlan
         Plan of the first commissioning.
     """
-    pads = [] if first['pads']['order'] == check['pads']['order'] else [FoundChange(
-        Change.PADS_SWAPPED, 'pads', _left_pad(first), _left_pad(check))]
-    partners = _partners(first, check)
-    for now, then in enumerate(partners):
-        pads += _changes_of_pad(first, check, then, now)
-    return pads + _changes_of_gripper(first, check, plan)
+    before, now = Evaluation(first, plan), Evaluation(check, plan)
+    found = [] if before.is_swapped == now.is_swapped else [FoundChange(
+        Change.PADS_SWAPPED, 'pads', *(f'the left pad is pad {2 if each.is_swapped else 1} of the driver'
+                                       for each in (before, now)))]
+    for number, (old, new) in enumerate(zip(_partners(before, now), now.driver_pads), 1):
+        found += _changes_of_pad(f'pad {number} of the driver', old, new)
+    return found + _changes_of_gripper(before, now, plan.unit)
 
 
-def _left_pad(record: CommissioningRecord) -> str:
-    return f'the left pad is pad {record["pads"]["order"][0] + 1} of the driver'
+def _partners(before: Evaluation, now: Evaluation) -> list[DriverPad]:
+    """Return each pad of the driver as it was in the first record. The pads of the driver may be renamed."""
+    old, new = before.driver_pads, now.driver_pads
+    serials = [[pad.serial_number for pad in pads] for pads in (old, new)]
+    if all(serials[0] + serials[1]) and serials[0][0] != serials[0][1]:
+        is_crossed = serials[1] == serials[0][::-1]
+    else:
+        straight, crossed = (sum(map(_correlation, pads, new)) for pads in (old, old[::-1]))
+        is_crossed = crossed > straight
+    return old[::-1] if before.is_swapped != now.is_swapped and is_crossed else old
 
 
-def _partners(first: CommissioningRecord, check: CommissioningRecord) -> tuple[int, int]:
-    """Return the number of each pad of the driver in the first record. The pads of the driver may be renamed."""
-    likeness = np.array([[_correlation(first, check, then, now) for then in (0, 1)] for now in (0, 1)])
-    crossed = likeness[0, 1] + likeness[1, 0] > likeness[0, 0] + likeness[1, 1]
-    is_swapped = first['pads']['order'] != check['pads']['order']
-    before, now = (record.serial_numbers for record in (first, check))
-    known = '' not in (*before, *now) and before[0] != before[1]
-    crossed = now == before[::-1] if known else crossed
-    return (1, 0) if is_swapped and crossed else (0, 1)
-
-
-def _zeros(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> tuple[np.ndarray,
-                                                                                                 np.ndarray]:
+def _zeros(old: DriverPad, new: DriverPad) -> tuple[np.ndarray, np.ndarray]:
     """Return both zeros of the taxels that work in both records, (N,) [N]."""
-    zeros = [np.array(record['rest']['pads'][pad]['zero'], float) for record, pad in ((first, then), (check, now))]
-    works = [_taxels(record)[pad] != TaxelFinding.FAULTY for record, pad in ((first, then), (check, now))]
-    used = np.isfinite(zeros[0]) & np.isfinite(zeros[1]) & works[0] & works[1]
-    return zeros[0][used], zeros[1][used]
+    before, now = (np.where(pad.taxels == TaxelFinding.FAULTY, np.nan, pad.rest.zero) for pad in (old, new))
+    used = np.isfinite(before) & np.isfinite(now)
+    return before[used], now[used]
 
 
-def _correlation(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> float:
+def _correlation(old: DriverPad, new: DriverPad) -> float:
     """Return the correlation of two zeros; NaN if a zero shows no pattern."""
-    zeros = _zeros(first, check, then, now)
-    for record, pad, zero in ((first, then, zeros[0]), (check, now, zeros[1])):
-        rest = record['rest']['pads'][pad]
+    zeros = _zeros(old, new)
+    for pad, zero in zip((old, new), zeros):
         # upper bound of the standard error of a taxel's zero, which is a mean over at least one second [N]
-        error = rest['noise'][0] / np.sqrt(rest['rate'])
+        error = pad.rest.noise.value / np.sqrt(pad.rest.rate)
         if zero.size < 2 or not zero.std() > CLEAR_PATTERN * error:
             return float('nan')
     return float(np.corrcoef(*zeros)[0, 1])
 
 
-def _taxels(record: CommissioningRecord) -> dict[int, np.ndarray]:
-    """Return the TaxelFinding of each taxel by number of the pad in the driver."""
-    return {pad: np.array(found) for pad, found in zip(record['pads']['order'], record['pads']['taxels'])}
-
-
-def _mountings(record: CommissioningRecord) -> dict[int, PadMounting]:
-    return {pad: PadMounting(*each) for pad, each in zip(record['pads']['order'], record['pads']['mountings'])}
-
-
-def _changes_of_pad(first: CommissioningRecord, check: CommissioningRecord, then: int, now: int) -> list[FoundChange]:
-    where = f'pad {now + 1} of the driver'
+def _changes_of_pad(where: str, old: DriverPad, new: DriverPad) -> list[FoundChange]:
     found = []
-    before, after = _mountings(first)[then], _mountings(check)[now]
-    if before != after:
-        found.append(FoundChange(Change.PAD_TURNED, where, str(before), str(after)))
-    likeness = _correlation(first, check, then, now)
-    serials = first.serial_numbers[then], check.serial_numbers[now]
+    if old.mounting != new.mounting:
+        found.append(FoundChange(Change.PAD_TURNED, where, str(old.mounting), str(new.mounting)))
+    likeness = _correlation(old, new)
+    serials = old.serial_number, new.serial_number
     if all(serials) and serials[0] != serials[1]:
         found.append(FoundChange(Change.PAD_EXCHANGED, where, *(f'serial number {each}' for each in serials)))
     elif likeness < OTHER_PAD:
         found.append(FoundChange(Change.PAD_EXCHANGED, where, 'at least 0.7 for the same pad',
                                  f'correlation of the zeros {likeness:.2f}'))
     else:
-        zeros = _zeros(first, check, then, now)
-        change = np.abs(zeros[1] - zeros[0])
+        before, now = _zeros(old, new)
+        change = np.abs(now - before)
         if (change > MOST_DRIFT).any():
             found.append(FoundChange(Change.ZERO_DRIFTED, where, '0 N', f'up to {change.max():.3f} N on '
                                      f'{np.count_nonzero(change > MOST_DRIFT)} taxels'))
-    lost = (_taxels(first)[then] == TaxelFinding.WORKS) & (_taxels(check)[now] == TaxelFinding.FAULTY)
+    lost = (old.taxels == TaxelFinding.WORKS) & (new.taxels == TaxelFinding.FAULTY)
     found += [FoundChange(Change.TAXEL_LOST, f'{where}, taxel ({row}, {col})', 'working',
                           'still while its neighbours move') for row, col in np.argwhere(lost)]
-    rates = [record['rest']['pads'][pad]['rate'] for record, pad in ((first, then), (check, now))]
+    rates = old.rest.rate, new.rest.rate
     if abs(rates[1] - rates[0]) > RATE_CHANGE * rates[0]:
         found.append(FoundChange(Change.FRAME_RATE, where, f'{rates[0]:.4g} Hz', f'{rates[1]:.4g} Hz'))
     return found
 
 
-def _changes_of_gripper(first: CommissioningRecord, check: CommissioningRecord, plan: CommissioningPlan
-                        ) -> list[FoundChange]:
-    before, now, found = Evaluation(first, plan), Evaluation(check, plan), []
-    rising = [record['first movement']['opens_rising'] for record in (first, check)]
-    if rising[0] != rising[1]:
-        words = ['opens as the reading rises' if each else 'opens as the reading falls' for each in rising]
+def _changes_of_gripper(before: Evaluation, now: Evaluation, unit: str) -> list[FoundChange]:
+    found = []
+    if before.opens_rising != now.opens_rising:
+        words = ['opens as the reading rises' if each.opens_rising else 'opens as the reading falls'
+                 for each in (before, now)]
         found.append(FoundChange(Change.DIRECTION, 'gripper', *words))
-    period = max(record['stops']['period'] for record in (first, check))
-    started, starts = ([trial.started for way in StopWay for trial in each.trials(way)] for each in (now, before))
+    period = max(before.period, now.period)
+    started, starts = ([trial.started for way in StopWay for trial in each.tried(way).trials] for each in (now, before))
     if max(started) > (limit := largest_expected(starts, [starts], period, len(started))):
         found.append(_later(Change.STARTS_LATER, 'gripper', limit, max(started)))
-    stops = {way: [trial.stopped for trial in before.trials(way)] for way in StopWay
-             if before.stop_count(way).is_reliable}
+    stops = {way: [trial.stopped for trial in before.tried(way).trials] for way in StopWay
+             if before.tried(way).is_reliable}
     for way, times in stops.items():
-        where, count = f'stop by {way.value}', now.stop_count(way)
-        latest = max(trial.stopped for trial in now.trials(way))
-        if not count.is_reliable:
+        where, tried = f'stop by {way.value}', now.tried(way)
+        latest = max(trial.stopped for trial in tried.trials)
+        if not tried.is_reliable:
             found.append(FoundChange(Change.STOP_FAILS, where, 'no failed stop',
-                                     f'{count.stopped} of {count.trials} stopped'))
-        elif latest > (limit := largest_expected(times, list(stops.values()), period, count.trials)):
+                                     f'{tried.stopped} of {len(tried.trials)} stopped'))
+        elif latest > (limit := largest_expected(times, list(stops.values()), period, len(tried.trials))):
             found.append(_later(Change.STOPS_LATER, where, limit, latest))
-    speeds = [Estimate(*record['stops']['speed']) for record in (first, check)]
+    speeds = before.joint_speed, now.joint_speed
     change = abs(speeds[1].value - speeds[0].value)
     if change > max(RATE_CHANGE * speeds[0].value, SPEED_SIGMAS * np.hypot(speeds[0].deviation, speeds[1].deviation)):
-        found.append(FoundChange(Change.SPEED, 'gripper', *(f'{each.value:.4g} {plan.unit}/s' for each in speeds)))
+        found.append(FoundChange(Change.SPEED, 'gripper', *(f'{each.value:.4g} {unit}/s' for each in speeds)))
     return found
 
 

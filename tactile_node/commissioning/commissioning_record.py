@@ -10,6 +10,7 @@ import numpy as np
 from tactile_node.commissioning.block_grip import BlockFace, BlockGrip, Print
 from tactile_node.commissioning.lateral_shift import HungWeight
 from tactile_node.commissioning.measurement import Estimate
+from tactile_node.commissioning.pad_rest import PadRest
 from tactile_node.commissioning.plan import CommissioningPlan, GaugeBlock
 from tactile_node.commissioning.recording import PadGrid
 from tactile_node.errors import InputError
@@ -18,8 +19,8 @@ from tactile_node.output_file import output_file
 VERSION = 1  #: Version of the file.
 
 
-class CommissioningRecord:
-    """The results of the finished steps, by name of the step.
+class CommissioningRecord(dict[str, dict[str, Any]]):
+    """The results of the finished steps, by name of the step. A step that has not been finished has no results.
 
     Parameters
     ----------
@@ -33,41 +34,31 @@ class CommissioningRecord:
     """
 
     def __init__(self, path: str | Path):
+        super().__init__()
         self._path = Path(path)
-        self._steps: dict[str, dict[str, Any]] = {}
         if self._path.exists():
             try:
                 content = json.loads(self._path.read_text(encoding='utf-8'))
-                version, self._steps = content['version'], content['steps']
+                version, steps = content['version'], content['steps']
             except (OSError, ValueError, KeyError, TypeError) as error:
                 raise self._refusal('another file') from error
-            if version != VERSION or not isinstance(self._steps, dict):
+            if version != VERSION or not isinstance(steps, dict):
                 raise self._refusal(f'version {version}')
+            self.update(steps)
 
-    def __contains__(self, step: str) -> bool:
-        return step in self._steps
-
-    def __getitem__(self, step: str) -> dict[str, Any]:
-        return self._steps[step]
-
-    def get(self, step: str) -> dict[str, Any]:
-        """Return the results of a step, or an empty dict if the step has not been finished."""
-        return self._steps.get(step, {})
-
-    @property
-    def steps(self) -> Mapping[str, dict[str, Any]]:
-        return self._steps
+    def __missing__(self, step: str) -> dict[str, Any]:
+        return {}
 
     @property
     def serial_numbers(self) -> list[str]:
         """Serial number of each pad, or '' if it is not known. An older record has none."""
-        return self.get('rest').get('serial_numbers', ['', ''])
+        return self['rest'].get('serial_numbers', ['', ''])
 
     def save(self, step: str, results: Mapping[str, Any]) -> None:
         """Add the results of a step, and write the file."""
-        self._steps[step] = json.loads(json.dumps(results, default=_plain))
+        self[step] = json.loads(json.dumps(results, default=_plain))
         with output_file(self._path) as stream:
-            stream.write(json.dumps({'version': VERSION, 'steps': self._steps}, indent=1).encode())
+            stream.write(json.dumps({'version': VERSION, 'steps': self}, indent=1).encode())
 
     def _refusal(self, got: str) -> InputError:
         return InputError(str(self._path), expected=f'a record of a commissioning, version {VERSION}', got=got,
@@ -80,6 +71,12 @@ def plan_from(content: Mapping[str, Any]) -> CommissioningPlan:
     lists = {'grid': PadGrid(*content['grid']), 'blocks': blocks, 'down': tuple(content['down']),
              'pads': tuple(content.get('pads', CommissioningPlan.pads)), 'jig': tuple(content.get('jig', ()))}
     return CommissioningPlan(**dict(content) | lists)
+
+
+def rest_from(content: Mapping[str, Any]) -> PadRest:
+    """Return the properties of an untouched pad from the JSON of its fields."""
+    return PadRest(Estimate(*content['noise']), Estimate(*content['drift']), content['rate'], content['lost'],
+                   np.array(content['zero'], float))
 
 
 def grip_from(content: Mapping[str, Any]) -> BlockGrip:

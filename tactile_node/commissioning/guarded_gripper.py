@@ -52,6 +52,8 @@ class GuardedGripper:
         Faulty taxels, bool (2, rows, cols). They read 0 N.
     noise : float
         Standard deviation of the joint at rest.
+    reading : float
+        Latest position of the joint; NaN before the first one.
     """
 
     def __init__(self, gripper: CommissionedGripper, person: Person, plan: CommissioningPlan):
@@ -59,17 +61,12 @@ class GuardedGripper:
         shape = 2, plan.grid.rows, plan.grid.cols
         self.zero, self.is_faulty = np.zeros(shape), np.zeros(shape, bool)
         self.noise = 1e-4 * plan.travel
-        self._reading = math.nan
+        self.reading = math.nan
         self._last: Move | None = None
         self._joint_seen, self._pads_seen = -math.inf, [-math.inf, -math.inf]
 
     def now(self) -> float:
         return self._gripper.now()
-
-    @property
-    def reading(self) -> float:
-        """Latest position of the joint."""
-        return self._reading
 
     def consent(self, what: str, move: Move, force: float, number: int) -> None:
         """Ask for the consent to a series of movements.
@@ -89,8 +86,8 @@ class GuardedGripper:
     def stop(self) -> None:
         """Stop the gripper in both ways of stopping, with the effort of the last command, which is known to suffice."""
         self._gripper.cancel()
-        if self._last is not None and math.isfinite(self._reading):
-            self.command(self._last._replace(position=self._reading))
+        if self._last is not None and math.isfinite(self.reading):
+            self.command(self._last._replace(position=self.reading))
 
     def cancel(self) -> None:
         self._gripper.cancel()
@@ -136,9 +133,9 @@ class GuardedGripper:
             Raised as in `watch`, or if the gripper does not move at all. A gripper that had the same target before may
             already be held by an object, and need not move.
         """
-        if math.isnan(self._reading):
+        if math.isnan(self.reading):
             self.watch(TICK, where, may_touch=True)
-        before, last = self._reading, self._last
+        before, last = self.reading, self._last
         self.command(move)
         has_stalled = last is not None and self._last is not None and last.position == self._last.position
         recording = self.watch(START_TIME, where, may_touch=may_touch)
@@ -147,7 +144,7 @@ class GuardedGripper:
             recording = joined((recording, self.watch(REST_TIME / 2, where, may_touch=may_touch)))
         way = abs(move.position - before)
         if not has_stalled and way > 0.01 * self._plan.travel and contact_force(recording) < TOUCHED \
-                and abs(self._reading - before) < STILL_SHARE * self._plan.travel:
+                and abs(self.reading - before) < STILL_SHARE * self._plan.travel:
             raise self.stuck(where)
         return recording
 
@@ -210,7 +207,7 @@ class GuardedGripper:
         """Return the reason to stop, or None. Frames from before ``begun`` may show what the person did before."""
         now = self.now()
         if len(part.joint.times):
-            self._joint_seen, self._reading = now, float(part.joint.positions[-1])
+            self._joint_seen, self.reading = now, float(part.joint.positions[-1])
         for number, pad in enumerate(part.pads):  # the frames of the two pads may arrive in different parts
             if len(pad.times) and np.isfinite(pad.forces[-1]).mean() >= SEEN_SHARE:
                 self._pads_seen[number] = now
@@ -229,8 +226,8 @@ class GuardedGripper:
                                         'driver of the skin. If the driver runs, read its log. On a busy machine, '
                                         'increase the sync_period of the driver.')
         slack = OUTSIDE * self._plan.travel
-        if not self._plan.low - slack <= self._reading <= self._plan.high + slack:
-            return RefusedStepError(where, Mistake.OTHER_JOINT, got=f'{self._reading:.3g}',
+        if not self._plan.low - slack <= self.reading <= self._plan.high + slack:
+            return RefusedStepError(where, Mistake.OTHER_JOINT, got=f'{self.reading:.3g}',
                                     expected=f'a joint between {self._plan.low:g} and {self._plan.high:g}',
                                     remedy='Give the name of the joint of the gripper.')
         limit = HARD_LIMIT * self._plan.force_limit if may_touch else TOUCHED

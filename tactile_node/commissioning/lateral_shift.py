@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.commissioning.block_grip import Print
+from tactile_node.commissioning.block_grip import MIRROR, Print
 from tactile_node.commissioning.measurement import NOT_MEASURED, Estimate, mean_of
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 
@@ -22,7 +22,7 @@ class HungWeight(NamedTuple):
     forces: tuple[float, float]  #: force on each pad with the weight [N]
 
 
-def shift_of(hung: HungWeight, weight: float, down: Sequence[tuple[float, float]]) -> float:
+def shift_of(hung: HungWeight, weight: float, down: tuple[float, float]) -> float:
     """Return the mean shift of both pads, divided by the load as a share of the force [m].
 
     Parameters
@@ -31,8 +31,8 @@ def shift_of(hung: HungWeight, weight: float, down: Sequence[tuple[float, float]
         The prints and forces.
     weight : float
         Weight [N]. Each pad carries half of it.
-    down : sequence of two tuples of float
-        Direction of gravity on each pad, as a unit vector (x, y).
+    down : tuple of float
+        Direction of gravity on the left pad, as a unit vector (x, y).
 
     Raises
     ------
@@ -43,8 +43,8 @@ def shift_of(hung: HungWeight, weight: float, down: Sequence[tuple[float, float]
     if max(float(np.linalg.norm(each)) for each in moved) < LEAST_SHIFT:
         raise RefusedStepError('weight', Mistake.WEIGHT_MISSING, expected='a shift of the contacts', got='none',
                                remedy='Hang the weight on the object, or use a heavier weight.')
-    return float(np.mean([each @ np.array(towards) / (weight / 2 / force)
-                          for each, towards, force in zip(moved, down, hung.forces)]))
+    return float(np.mean([each @ towards / (weight / 2 / force)
+                          for each, towards, force in zip(moved, (np.array(down), MIRROR @ down), hung.forces)]))
 
 
 def shift_per_load(shifts: Sequence[float]) -> tuple[Estimate, str]:

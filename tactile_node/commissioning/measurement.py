@@ -1,8 +1,7 @@
-"""Describe a measured quantity: its value, its spread, and whether the value is good enough."""
+"""Estimate quantities with their standard deviations from repeated measurements."""
 
 import math
 from collections.abc import Callable, Sequence
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -10,14 +9,6 @@ from scipy.special import stdtrit
 
 #: Share of a normal distribution that lies within two standard deviations.
 TWO_SIGMA = 0.9545
-
-
-class Verdict(Enum):
-    """Decision about a measured quantity."""
-
-    PASS = 'pass'
-    FAIL = 'fail'
-    UNKNOWN = 'unknown'  #: the quantity was not measured
 
 
 class Estimate(NamedTuple):
@@ -44,16 +35,6 @@ class Estimate(NamedTuple):
 
 
 NOT_MEASURED = Estimate(math.nan, math.nan)
-
-
-class Measurement(NamedTuple):
-    """One line of the report."""
-
-    name: str
-    estimate: Estimate
-    unit: str
-    verdict: Verdict
-    reason: str  #: limit that the value meets or misses, or the reason why the value is not known
 
 
 def mean_of(values: Sequence[float] | np.ndarray) -> Estimate:
@@ -99,13 +80,10 @@ def line_through(x: np.ndarray, y: np.ndarray) -> tuple[Estimate, Estimate]:
     count = len(x)
     if count < 3 or np.ptp(x) == 0:
         return NOT_MEASURED, NOT_MEASURED
-    centred = x - x.mean()
-    slope = float(centred @ y / (centred @ centred))
-    offset = float(y.mean() - slope * x.mean())
-    residual = y - offset - slope * x
-    error = math.sqrt(float(residual @ residual) / (count - 2)) * _widening(count - 2)
-    of_slope = error / math.sqrt(float(centred @ centred))
-    return Estimate(slope, of_slope), Estimate(offset, math.hypot(error / math.sqrt(count), of_slope * x.mean()))
+    line, covariance = np.polyfit(x, y, 1, cov=True)
+    slope, offset = (Estimate(float(value), float(deviation) * _widening(count - 2))
+                     for value, deviation in zip(line, np.sqrt(np.diag(covariance))))
+    return slope, offset
 
 
 def _widening(freedom: int) -> float:

@@ -41,21 +41,25 @@ class StopTrial(NamedTuple):
     returns: bool    #: True if the gripper moved back after it had stopped
 
 
-class StopCount(NamedTuple):
-    """The trials of one way to stop."""
+class TriedStop(NamedTuple):
+    """What a commissioning has found about one way to stop."""
 
-    way: StopWay
-    trials: int
-    stopped: int
+    trials: tuple[StopTrial, ...]
+    kept: Estimate  #: share of the force on foam that remains after a stop
+
+    @property
+    def stopped(self) -> int:
+        """Number of trials in which the gripper stopped."""
+        return sum(trial.is_stopped for trial in self.trials)
 
     @property
     def is_reliable(self) -> bool:
-        return self.trials > 0 and self.stopped == self.trials
+        return bool(self.trials) and self.stopped == len(self.trials)
 
     @property
     def least_share(self) -> float:
         """Lower bound of the share of successful stops, with CONFIDENCE, if every trial succeeded; otherwise 0."""
-        return (1 - CONFIDENCE) ** (1 / self.trials) if self.is_reliable else 0.0
+        return (1 - CONFIDENCE) ** (1 / len(self.trials)) if self.is_reliable else 0.0
 
 
 def measure_stop(joint: JointStates, commanded: float, stopped: float, target: float, noise: float) -> StopTrial:
@@ -99,11 +103,6 @@ def upper_bound(last_before: Sequence[float], period: float) -> float:
     spread = max(period, float(np.ptp(last_before)))
     missed = 1 - (1 - CONFIDENCE) ** (1 / len(last_before))
     return float(max(last_before)) + BOUND_FACTOR * spread * math.sqrt(missed)
-
-
-def start_latency(trials: Sequence[StopTrial], period: float) -> float:
-    """Return an upper bound of the time from a command to the movement [s]; NaN without trials."""
-    return upper_bound([trial.started for trial in trials], period) if trials else math.nan
 
 
 def stop_latency(trials: Sequence[StopTrial], period: float, noise: float, speed: float) -> float:

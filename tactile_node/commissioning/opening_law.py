@@ -16,37 +16,40 @@ LEAST_BLOCKS = 3         #: Two blocks cannot show the arc of a knuckle.
 
 
 @dataclass(frozen=True)
-class KnuckleGap:
-    """Converts the angle of a knuckle joint to an opening: gap = offset + sine * sin(angle) + cosine * cos(angle)."""
-
-    offset: float  #: [m]
-    sine: float    #: [m]
-    cosine: float  #: [m]
-
-    def gap(self, reading: float) -> float:
-        return self.offset + self.sine * math.sin(reading) + self.cosine * math.cos(reading)
-
-
-@dataclass(frozen=True)
 class OpeningLaw:
-    """A law with its uncertainty, valid between the narrowest and the widest block."""
+    """Opening as a function of the reading, with its uncertainty, valid between the narrowest and the widest block.
 
-    law: LinearGap | KnuckleGap
-    covariance: np.ndarray   #: covariance of the coefficients: offset and scale, or offset, sine and cosine
+    A slide has the opening offset + scale * reading. A knuckle, whose reading is an angle, has the opening offset +
+    sine * sin(reading) + cosine * cos(reading).
+    """
+
+    coefficients: np.ndarray  #: offset and scale of a slide, (2,), or offset, sine and cosine of a knuckle, (3,)
+    covariance: np.ndarray    #: covariance of the coefficients
     readings: tuple[float, float]  #: smallest and largest reading at a block
+
+    @property
+    def is_of_knuckle(self) -> bool:
+        return len(self.coefficients) == 3
 
     def opening(self, reading: float) -> Estimate:
         """Return the opening at a reading [m]."""
-        terms = _terms(reading, isinstance(self.law, KnuckleGap))
-        return Estimate(self.law.gap(reading), math.sqrt(float(terms @ self.covariance @ terms)))
+        return self._sum(_terms(reading, self.is_of_knuckle))
 
     def slope(self, reading: float) -> Estimate:
         """Return the change of the opening per unit of the reading [m/reading]."""
-        if isinstance(self.law, LinearGap):
-            return Estimate(self.law.scale, math.sqrt(float(self.covariance[1, 1])))
-        terms = np.array((0.0, math.cos(reading), -math.sin(reading)))
-        value = float(terms @ (self.law.offset, self.law.sine, self.law.cosine))
-        return Estimate(value, math.sqrt(float(terms @ self.covariance @ terms)))
+        return self._sum(np.array((0.0, math.cos(reading), -math.sin(reading)) if self.is_of_knuckle else (0.0, 1.0)))
+
+    def speed(self, reading: float, speed: Estimate) -> Estimate:
+        """Return the speed of the pads [m/s] at a reading, for a speed of the reading."""
+        slope = self.slope(reading)
+        if not speed.is_known:
+            return NOT_MEASURED
+        return Estimate(abs(slope.value * speed.value),
+                        math.hypot(slope.deviation * speed.value, slope.value * speed.deviation))
+
+    def _sum(self, factors: np.ndarray) -> Estimate:
+        """Return the sum of the coefficients with these factors."""
+        return Estimate(float(factors @ self.coefficients), math.sqrt(float(factors @ self.covariance @ factors)))
 
     @property
     def middle(self) -> float:
@@ -82,28 +85,18 @@ def find_law(onsets: Sequence[Estimate], widths: Sequence[float], *, is_angle: b
     coefficients, *_ = np.linalg.lstsq(weighted, widths / deviations, rcond=None)
     if (np.abs(terms @ coefficients - widths) > np.maximum(LEAST_MISFIT, LINEAR_SIGMAS * deviations)).any():
         return None
-    law = KnuckleGap(*map(float, coefficients)) if is_angle else LinearGap(*map(float, coefficients))
-    return OpeningLaw(law, np.linalg.inv(weighted.T @ weighted), (float(readings.min()), float(readings.max())))
+    covariance = np.linalg.inv(weighted.T @ weighted)
+    return OpeningLaw(coefficients, covariance, (float(readings.min()), float(readings.max())))
 
 
-def chord_error(found: OpeningLaw) -> tuple[LinearGap, float]:
+def chord_error(law: OpeningLaw) -> tuple[LinearGap, float]:
     """Return the linear law with the same opening at both ends of the range, and its largest error between them [m]."""
-    if isinstance(found.law, LinearGap):
-        return found.law, 0.0
-    low, high = found.readings
-    scale = (found.law.gap(high) - found.law.gap(low)) / (high - low)
-    chord = LinearGap(found.law.gap(low) - scale * low, scale)
+    low, high = law.readings
+    narrow, wide = law.opening(low).value, law.opening(high).value
+    scale = (wide - narrow) / (high - low)
+    chord = LinearGap(narrow - scale * low, scale)
     between = np.linspace(low, high, 101)
-    return chord, max(abs(chord.gap(reading) - found.law.gap(reading)) for reading in between)
-
-
-def speed_at(found: OpeningLaw, reading: float, speed: Estimate) -> Estimate:
-    """Return the speed of the pads [m/s] for a speed of the reading."""
-    slope = found.slope(reading)
-    if not speed.is_known:
-        return NOT_MEASURED
-    value = abs(slope.value * speed.value)
-    return Estimate(value, math.hypot(slope.deviation * speed.value, slope.value * speed.deviation))
+    return chord, max(abs(chord.gap(reading) - law.opening(reading).value) for reading in between)
 
 
 def _terms(reading: float, is_knuckle: bool) -> np.ndarray:

@@ -32,7 +32,6 @@ class Press(NamedTuple):
 
     pad: int                      #: number of the pad that felt the press
     place: tuple[float, float]    #: centre of the press along columns and rows, from -1 to 1
-    force: float                  #: largest force [N]
 
 
 class PadMounting(NamedTuple):
@@ -83,7 +82,7 @@ def find_press(pads: Sequence[PadFrames], where: str) -> Press:
     group = 1 + int(np.argmax(ndimage.sum_labels(image, groups, range(1, count + 1))))
     row, col = ndimage.center_of_mass(image, groups, group)
     rows, cols = image.shape
-    return Press(number, (2 * col / (cols - 1) - 1, 2 * row / (rows - 1) - 1), largest)
+    return Press(number, (2 * col / (cols - 1) - 1, 2 * row / (rows - 1) - 1))
 
 
 def find_mounting(presses: Sequence[Press], where: str) -> tuple[int, PadMounting]:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
+from scipy.spatial.transform import Rotation
 
 from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.pad_alignment import PadAlignment
@@ -143,33 +144,16 @@ def pad_poses(grid: PadGrid, mountings: list[PadMounting], alignment: PadAlignme
     ``left`` is the pose of FRAME in the frame of the result.
     """
     x, y, turn, tilt_x, tilt_y = (each.value for each in alignment)
-    facing = _about_y(-tilt_x) @ _about_x(tilt_y) @ _about_z(turn) @ np.diag((-1.0, 1.0, -1.0))
+    facing = Rotation.from_euler('YXZ', (-tilt_x, tilt_y, turn)).as_matrix() @ np.diag((-1.0, 1.0, -1.0))
     poses: dict[str, list[float]] = {}
     for name, mounting, frame, centre in (('left', mountings[0], np.eye(3), np.zeros(3)),
                                           ('right', mountings[1], facing, np.array((x, y, 0.0)))):
         corner = taxel_places(grid, mounting._replace(is_mirrored=False))[0, 0]
-        pose = left @ Transform(frame @ _about_z(np.pi / 2 * mounting.quarter_turns), centre + frame[:, :2] @ corner)
+        turned = Rotation.from_euler('z', 90 * mounting.quarter_turns, degrees=True).as_matrix()
+        pose = left @ Transform(frame @ turned, centre + frame[:, :2] @ corner)
         poses[f'{name}_xyz'] = [_rounded(each) for each in pose.translation]
-        poses[f'{name}_rpy'] = [_rounded(each) for each in _rpy(pose.rotation)]
+        poses[f'{name}_rpy'] = [_rounded(each) for each in Rotation.from_matrix(pose.rotation).as_euler('xyz')]
     return poses
-
-
-def _about_x(angle: float) -> np.ndarray:
-    return np.array(((1, 0, 0), (0, np.cos(angle), -np.sin(angle)), (0, np.sin(angle), np.cos(angle))))
-
-
-def _about_y(angle: float) -> np.ndarray:
-    return np.array(((np.cos(angle), 0, np.sin(angle)), (0, 1, 0), (-np.sin(angle), 0, np.cos(angle))))
-
-
-def _about_z(angle: float) -> np.ndarray:
-    return np.array(((np.cos(angle), -np.sin(angle), 0), (np.sin(angle), np.cos(angle), 0), (0, 0, 1)))
-
-
-def _rpy(rotation: np.ndarray) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw about fixed axes [rad]."""
-    return (float(np.arctan2(rotation[2, 1], rotation[2, 2])), float(-np.arcsin(np.clip(rotation[2, 0], -1, 1))),
-            float(np.arctan2(rotation[1, 0], rotation[0, 0])))
 
 
 def _rounded(value: float) -> float:

@@ -58,5 +58,9 @@ class CommissioningPlan:
         return min(self.blocks, key=lambda block: block.length)
 
     @property
+    def middle_block(self) -> GaugeBlock:
+        return self.blocks[len(self.blocks) // 2]
+
+    @property
     def travel(self) -> float:
         return self.high - self.low

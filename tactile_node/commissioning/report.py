@@ -7,15 +7,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from tactile_node.commissioning.evaluation import NOT_DONE, Evaluation
-from tactile_node.commissioning.measurement import Measurement, Verdict
+from tactile_node.commissioning.evaluation import Evaluation
 from tactile_node.commissioning.parameter_file import MeasuredParameters
+from tactile_node.commissioning.report_lines import NOT_DONE, Verdict, fact_lines, measurement_lines
 from tactile_node.output_file import output_file
 
 SKIN_STEPS = 'response', 'assessment'  #: Steps that `tactile calibrate` and `tactile assess` carry out.
-#: Factor and unit in which a value is written for a person. The JSON file keeps the units of the measurements.
-SHOWN_AS = {'m': (1e3, 'mm'), 'm/s': (1e3, 'mm/s'), 'rad': (180 / math.pi, 'degrees'), 's': (1e3, 'ms'),
-            'm/percent': (1e3, 'mm/percent'), 'm/rad': (1e3, 'mm/rad'), 'N/m': (1e-3, 'N/mm')}
 FORCES = 1.0, 2.0, 5.0, 10.0  #: Overshoots for which the page gives the fastest speed [N].
 
 
@@ -45,12 +42,10 @@ def write_report(page: str | Path, data: str | Path, found: Evaluation, paramete
 def page_text(found: Evaluation, parameters: MeasuredParameters, about: Mapping[str, str],
               pictures: Mapping[str, str]) -> str:
     """Return the page."""
-    lines = ['# Commissioning', '', *(f'- {name}: {value}' for name, value in about.items()), '',
-             '| finding | value | verdict | reason |', '| --- | --- | --- | --- |']
-    lines += [f'| {fact.name} | {fact.value} | {fact.verdict.value} | {fact.reason} |' for fact in found.facts]
-    lines += ['', '| quantity | value | verdict | reason |', '| --- | --- | --- | --- |']
-    lines += [f'| {each.name} | {_written(each)} | {each.verdict.value} | {each.reason} |'
-              for each in found.measurements]
+    lines = ['# Commissioning', '', *(f'- {name}: {value}' for name, value in about.items())]
+    for title, rows in (('finding', fact_lines(found)), ('quantity', measurement_lines(found))):
+        lines += ['', f'| {title} | value | verdict | reason |', '| --- | --- | --- | --- |']
+        lines += [f'| {each.name} | {each.value} | {each.verdict.value} | {each.reason} |' for each in rows]
     lines += ['', '| overshoot [N] | fastest speed [mm/s] |', '| --- | --- |']
     lines += [f'| {force:g} | {_speed(found.allowed_speed(force))} |' for force in FORCES]
     for file, caption in pictures.items():
@@ -74,13 +69,12 @@ def found_lines(found: Evaluation) -> list[str]:
     """
     lines: list[str] = []
     unknown: dict[str, list[str]] = {}
-    rows = [(each.name, each.value, each.verdict, each.reason) for each in found.facts]
-    rows += [(each.name, _written(each), each.verdict, each.reason) for each in found.measurements]
-    for name, value, verdict, reason in rows:
-        if verdict is Verdict.UNKNOWN:
-            unknown.setdefault(reason, []).append(name)
+    for each in (*fact_lines(found), *measurement_lines(found)):
+        if each.verdict is Verdict.UNKNOWN:
+            unknown.setdefault(each.reason, []).append(each.name)
         else:
-            lines.append(f'{name}: {value}' + ', FAIL' * (verdict is Verdict.FAIL) + (f' ({reason})' if reason else ''))
+            lines.append(f'{each.name}: {each.value}' + ', FAIL' * (each.verdict is Verdict.FAIL)
+                         + (f' ({each.reason})' if each.reason else ''))
     return lines + [f'unknown: {", ".join(names)} ({reason})' for reason, names in unknown.items()
                     if reason != NOT_DONE]
 
@@ -89,22 +83,14 @@ def report_data(found: Evaluation, parameters: MeasuredParameters, about: Mappin
     """Return the content of the JSON file. A value that is not known is null."""
     return {'about': dict(about),
             'facts': [{'name': each.name, 'value': each.value, 'verdict': each.verdict.value, 'reason': each.reason}
-                      for each in found.facts],
+                      for each in fact_lines(found)],
             'measurements': [{'name': each.name, 'value': _number(each.estimate.value),
                               'deviation': _number(each.estimate.deviation), 'unit': each.unit,
-                              'verdict': each.verdict.value, 'reason': each.reason} for each in found.measurements],
+                              'verdict': each.verdict.value, 'reason': each.reason}
+                             for each in measurement_lines(found)],
             'fastest_speeds': [{'overshoot': force, 'speed': _number(found.allowed_speed(force))} for force in FORCES],
             'skin': {step: found.of_skin(step).get('text') for step in SKIN_STEPS},
             'parameters': parameters.nodes, 'absent': parameters.absent, 'notes': list(parameters.notes)}
-
-
-def _written(each: Measurement) -> str:
-    if not each.estimate.is_known:
-        return 'unknown'
-    value, deviation = each.estimate
-    factor, shown = SHOWN_AS.get(each.unit, (1.0, each.unit))
-    value, unit = factor * value, '' if each.unit == '1' else f' {shown}'
-    return f'{value:.4g} +- {factor * deviation:.2g}{unit}' if deviation else f'{value:.4g}{unit}'
 
 
 def _speed(speed: float) -> str:

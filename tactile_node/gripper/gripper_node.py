@@ -22,26 +22,24 @@ from tactile_node.grasp.opening import GapSource, LinearGap
 from tactile_node.gripper.duplicate_watch import DuplicateWatch
 from tactile_node.gripper.gripper_client import GripperClient
 from tactile_node.gripper.gripper_settings import GripperSettings
-from tactile_node.gripper.health import FAILURES, gripper_status, unseen_text, unserved_text
+from tactile_node.gripper.health import gripper_status, unseen_text, unserved_text
 from tactile_node.gripper.messages import GripperState, gripper_interface, touch_of
-from tactile_node.gripper.put_down_watch import PutDownWatch
-from tactile_node.gripper.rules.closing import NO_TOUCH, Outcome
+from tactile_node.gripper.put_down_watch import RESULT_TIMEOUT, PutDownWatch
+from tactile_node.gripper.rules.closing import FAILURES, NO_TOUCH, Outcome
 from tactile_node.gripper.rules.control import Ending, TouchControl, Wish
 from tactile_node.nodes.grasp_requests import allow_feedback
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import MessageHealth, publish_status
 from tactile_node.nodes.run import run_node
-from tactile_node.ros.grasp_checks import check_grasp, check_grasp_sides
+from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.rosout_handler import of_node
-from tactile_skin.action import PutDown
-from tactile_skin.msg import Grasp, GraspSides, GripperOutcome
+from tactile_skin.msg import Grasp, GripperOutcome
 
 LOOK_PERIOD = 0.01  #: Time between two checks of a goal [s]. The goal is also checked at each new grasp.
 CANCEL_PERIOD = 0.2  #: Time after which an unanswered cancel request is sent again [s].
-RESULT_TIMEOUT = 2  #: Time for which the server keeps a result that the client has not yet requested [s].
 #: Sources whose opening counts as measured. The value of a parameter does not count, because it may be old.
 MEASURED = (int(GapSource.JOINT_STATES), int(GapSource.TF))
 
@@ -98,12 +96,8 @@ class GripperNode(Node):
             self, self._interface.action, '~/gripper_cmd', execute_callback=lambda handle: None,
             handle_accepted_callback=self._on_accepted, cancel_callback=lambda handle: CancelResponse.ACCEPT,
             result_timeout=RESULT_TIMEOUT)
-        self._put_down = PutDownWatch(self, self._listen_to_sides, self._control, self._watch, settings, steady=steady)
-        put_down_server = ActionServer(
-            self, PutDown, '~/put_down', execute_callback=lambda handle: PutDown.Result(),
-            handle_accepted_callback=self._on_put_down, cancel_callback=lambda handle: CancelResponse.ACCEPT,
-            result_timeout=RESULT_TIMEOUT)
-        self._ends += [server.destroy, put_down_server.destroy, self._put_down.destroy, self._shut_down]
+        put_down = PutDownWatch(self, self._control, self._watch, settings, steady=steady)
+        self._ends += [server.destroy, put_down.destroy, self._shut_down]
 
     def destroy_node(self) -> None:
         """Stop a closing gripper, because the node can no longer monitor it."""
@@ -139,15 +133,6 @@ class GripperNode(Node):
         self._timer.reset()
         self._control.accept(handle, Wish(self._law.gap(asked.position), asked.speed * abs(self._law.scale),
                                           asked.effort))
-
-    def _on_put_down(self, handle: ServerGoalHandle) -> None:
-        allow_feedback(handle)
-        self._put_down.accept(handle)
-
-    def _listen_to_sides(self, callback: Callable[[GraspSides], None]) -> GuardedSubscription[GraspSides]:
-        return GuardedSubscription(self, GraspSides, 'grasp_sides', callback, self._settings.input_qos,
-                                   check=check_grasp_sides, newest_only=True, lossless=self._settings.lossless,
-                                   steady=self._steady)
 
     def _look(self) -> None:
         self._control.look()

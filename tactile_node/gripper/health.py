@@ -4,14 +4,11 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from tactile_node.gripper.rules.closing import Outcome
+from tactile_node.gripper.rules.closing import FAILURES, Outcome
 from tactile_node.ros.message_health import MessageCounts, several_text, status_of
 from tactile_skin.msg import Grasp
 
 NO_DATA = 1.0  #: age above which a pad is silent rather than late [s]
-
-#: outcomes after which the user should check the gripper or its wiring
-FAILURES = (Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT, Outcome.NOT_STOPPED, Outcome.NOT_OPENING)
 
 
 def gripper_status(node: str, action: str, *, duplicate: str, is_served: bool, work: str, last: Outcome | None,

@@ -62,6 +62,13 @@ class Outcome(IntEnum):
 
 #: Outcomes in which the gripper has fulfilled the goal.
 SUCCESSES = frozenset((Outcome.REACHED, Outcome.TOUCHED, Outcome.FORCE_REACHED))
+#: Outcomes of a command that got no response.
+SILENCES = frozenset((Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT))
+#: Outcomes after which the user should check the gripper or its wiring.
+FAILURES = SILENCES | {Outcome.NOT_STOPPED, Outcome.NOT_OPENING}
+#: Outcomes of a closing goal that are reported even if an unanswered command may still be moving the gripper. Any other
+#: outcome is replaced by NOT_STOPPED while such a command remains.
+TOLD_IN_DOUBT = SILENCES | {Outcome.GRIPPER_REFUSED, Outcome.REFUSED, Outcome.REPLACED, Outcome.DUPLICATE}
 
 
 class ForceReading(NamedTuple):
@@ -141,13 +148,9 @@ class Goal(NamedTuple):
 
     opening: float  #: [m]
     speed: float  #: speed at which the opening changes until the first touch [m/s]
+    slow_speed: float  #: speed after the first touch [m/s]
     force: float  #: limit for the larger of the two pad forces [N]
     until_touched: bool  #: True if the client gave no force, so that the gripper stops when both pads are touched
-    speed_is_fixed: bool = False  #: True if the gripper does not accept a speed
-
-    def slow_speed(self, limits: TouchSettings) -> float:
-        """Return the speed after the first touch [m/s]."""
-        return self.speed if self.speed_is_fixed else min(limits.slow_speed, self.speed)
 
 
 def make_goal(opening: float, speed: float, force: float, limits: TouchSettings, *,
@@ -181,14 +184,13 @@ def make_goal(opening: float, speed: float, force: float, limits: TouchSettings,
     check_number('velocity', speed, 0.0, math.inf, 'm/s')
     check_number('effort', force, 0.0, limits.highest_force, 'N')
     limit = force or limits.touch_force
-    chosen = limits.fast_speed if speed_is_fixed else min(limits.fast_speed, limits.fastest(limit))
-    goal = Goal(opening, chosen if speed_is_fixed else speed or chosen, limit, not force, speed_is_fixed)
-    if goal.speed > limits.fastest(limit):
+    fast = limits.fast_speed if speed_is_fixed else speed or min(limits.fast_speed, limits.fastest(limit))
+    if fast > limits.fastest(limit):
         raise RefusedGoalError(
-            'velocity', expected=f'at most {limits.fastest(goal.force):.3g} m/s for a force of {goal.force:g} N',
-            got=f'{goal.speed:g} m/s: latency x speed x stiffness = {limits.overshoot(goal.speed):.3g} N',
+            'velocity', expected=f'at most {limits.fastest(limit):.3g} m/s for a force of {limit:g} N',
+            got=f'{fast:g} m/s: latency x speed x stiffness = {limits.overshoot(fast):.3g} N',
             remedy='Close more slowly, or allow more force.')
-    return goal
+    return Goal(opening, fast, fast if speed_is_fixed else min(limits.slow_speed, fast), limit, not force)
 
 
 def check_number(name: str, value: float, low: float, high: float, unit: str) -> None:
@@ -215,6 +217,7 @@ class Closing:
 
     def __init__(self, goal: Goal, limits: TouchSettings, now: float, opening: float):
         self.goal, self._limits = goal, limits
+        self.target = goal.opening  #: opening to which the gripper closes [m]
         self._opening, self._looked = opening, now
         self._has_begun = False    # True once the gripper has been commanded to move
         self._was_held = False     # True once both pads have been touched
@@ -222,8 +225,7 @@ class Closing:
         self._waits = False        # True while the gripper rests because the readings are incomplete
         self._seen_touched = now   # time at which a contact was last seen
         self._one_sided: float | None = None  # travel with only one pad touched [m]; None otherwise
-        self._slow_speed = goal.slow_speed(limits)
-        self._pace = self._slow_speed if self._is_narrow() else goal.speed  # speed unless the gripper waits [m/s]
+        self._pace = goal.slow_speed if self._is_narrow() else goal.speed  # speed unless the gripper waits [m/s]
         self._deadline = self._deadline_at(now)
 
     @property
@@ -260,8 +262,8 @@ class Closing:
         self._follow(now, touch, travel)
         stop = self._why_stop(now, touch) if self._has_begun or not self._is_pressed(touch) else Outcome.ALREADY_PRESSED
         self._has_begun = True
-        if stop is None and self._pace > self._slow_speed and (touch.is_touched or self._is_narrow()):
-            self._pace = self._slow_speed
+        if stop is None and self._pace > self.goal.slow_speed and (touch.is_touched or self._is_narrow()):
+            self._pace = self.goal.slow_speed
             self._deadline = self._deadline_at(now)
         return stop
 
@@ -333,7 +335,7 @@ class Widening:
     """
 
     def __init__(self, goal: float, limits: TouchSettings, now: float, opening: float):
-        self._limits = limits
+        self.target, self._limits = goal, limits
         self._force = math.nan  # larger of the pad forces at the first current reading [N]
         self._deadline = deadline(now, goal - (opening if math.isfinite(opening) else 0.0), self.speed)
 

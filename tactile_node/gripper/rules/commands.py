@@ -9,9 +9,8 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from tactile_node.gripper.rules.closing import Outcome
+from tactile_node.gripper.rules.closing import SILENCES, Outcome
 
-SILENCES = Outcome.NO_GRIPPER, Outcome.GRIPPER_SILENT  #: Outcomes of a command that got no response.
 #: Maximum number of unanswered commands that are remembered and cancelled before a goal closes the gripper.
 MOST_GIVEN_UP = 10
 

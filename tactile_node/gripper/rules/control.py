@@ -11,7 +11,9 @@ from tactile_node.grasp.tracker import GraspContact
 from tactile_node.gripper.rules.closing import (
     BEYOND,
     NO_TOUCH,
+    SILENCES,
     SUCCESSES,
+    TOLD_IN_DOUBT,
     Clearing,
     Closing,
     ForceReading,
@@ -22,16 +24,13 @@ from tactile_node.gripper.rules.closing import (
     check_number,
     make_goal,
 )
-from tactile_node.gripper.rules.commands import SILENCES, Commands, GripperAction, GripperResult
+from tactile_node.gripper.rules.commands import Commands, GripperAction, GripperResult
 from tactile_node.gripper.rules.holding import Holding
 from tactile_node.gripper.rules.touch_settings import TouchSettings
 
 LEAST_EXCESS = 0.05  #: If the force exceeds the goal's force by at least this much, the outcome's message says so [N].
 NEAR = 0.002  #: Largest distance from the commanded opening at which the gripper counts as being there [m].
 ROUNDING = 1e-6  #: Rounding error of an opening that is converted from the gripper's own unit [m].
-#: Outcomes of a closing goal that are reported even if an unanswered command may still be moving the gripper. Any other
-#: outcome is replaced by NOT_STOPPED while such a command remains.
-TOLD_IN_DOUBT = (*SILENCES, Outcome.GRIPPER_REFUSED, Outcome.REFUSED, Outcome.REPLACED, Outcome.DUPLICATE)
 IN_DOUBT = 'the gripper may still be moving, because it did not confirm the end of an earlier command'
 NOT_ENDING = ('the gripper refuses to cancel an earlier command, and no measurement shows it at rest: provide its '
               'measured opening, or restart its driver')
@@ -80,7 +79,18 @@ class Ending(NamedTuple):
 
 @dataclass
 class _Run:
-    """A goal that is being carried out, or the hold that follows a goal."""
+    """A goal that is being carried out, or the hold that follows a goal.
+
+    `TouchControl.look` moves a run from one state to the next:
+
+    | state | condition | the gripper |
+    | --- | --- | --- |
+    | waiting | ``waits`` | is stopped |
+    | moving | the task gives a speed | is driven to the target of the task |
+    | resting | the task gives no speed | is stopped, and may be driven again |
+    | ending | ``outcome`` is known | is stopped by one method, then by the other |
+    | ended | it has stopped, or both methods failed | is left alone; a hold may follow |
+    """
 
     handle: Any  #: the client's goal, with the property ``is_cancel_requested``
     wish: Wish
@@ -90,7 +100,6 @@ class _Run:
     #: True while the goal waits for the end of the listening for duplicates, or for an earlier command to end
     waits: bool = True
     clearing: Clearing | None = None  #: checks whether earlier commands have ended while the goal waits for them
-    opening: float = math.nan  #: commanded opening [m]
     speed: float = 0.0  #: commanded speed [m/s]; 0 before the first command and after a stop
 
     #: detects when the gripper is at rest although its reported and measured openings differ
@@ -99,6 +108,11 @@ class _Run:
     reason: str = ''  #: text that explains the outcome to the client
     by_cancel: bool = True  #: True if a cancel is stopping the gripper, False if a command to hold is stopping it
     stop_since: float = math.inf  #: time of the command to stop [s]
+
+    @property
+    def target(self) -> float:
+        """Opening to which the goal or the hold moves the gripper [m]; NaN for a refused goal."""
+        return self.task.target if self.task else math.nan
 
     @property
     def opens(self) -> bool:
@@ -248,13 +262,13 @@ class TouchControl:
 
     def _decide(self, run: _Run) -> None:
         """Decide from the current opening whether the goal opens or closes the gripper, or refuse the goal."""
-        now, present, (run.opening, speed, force) = self._steady(), self.opening, run.wish
+        now, present, (opening, speed, force) = self._steady(), self.opening, run.wish
         try:
-            check_number('opening', run.opening, -BEYOND, HIGHEST_GAP, 'm')
-            if self._opens(run.opening, present):
-                run.task = Widening(run.opening, self._settings, now, present)
+            check_number('opening', opening, -BEYOND, HIGHEST_GAP, 'm')
+            if self._opens(opening, present):
+                run.task = Widening(opening, self._settings, now, present)
                 return
-            goal = make_goal(run.opening, speed, force, self._settings, speed_is_fixed=not self._commands_speed)
+            goal = make_goal(opening, speed, force, self._settings, speed_is_fixed=not self._commands_speed)
             run.task = Closing(goal, self._settings, now, present)
         except RefusedGoalError as error:
             run.outcome, run.reason = Outcome.REFUSED, str(error)
@@ -272,7 +286,7 @@ class TouchControl:
 
     def _opens_fully(self, run: _Run) -> bool:
         """Return True for a goal that fully opens the gripper. Such a goal is always forwarded."""
-        return run.opens and self._is_widest(run.opening)
+        return run.opens and self._is_widest(run.target)
 
     def _is_widest(self, opening: float) -> bool:
         return opening >= self._settings.widest - ROUNDING
@@ -294,8 +308,8 @@ class TouchControl:
         if not (run.speed and result is not None and result.says_reached):
             return False
         if run.opens:
-            return self.opening < min(run.opening, self._settings.widest) - NEAR
-        return abs(self.opening - run.opening) > NEAR
+            return self.opening < min(run.target, self._settings.widest) - NEAR
+        return abs(self.opening - run.target) > NEAR
 
     def _is_stopped(self, run: _Run) -> bool:
         return self.commands.is_stopped and not self._is_early(run)
@@ -361,18 +375,16 @@ class TouchControl:
         run.rest = run.rest or Rest(self._steady())
         if not run.rest.look(self._steady(), self.opening):
             return stop
-        distance = 1e3 * abs(self.opening - run.opening)
+        distance = 1e3 * abs(self.opening - run.target)
         run.reason = f'the gripper reports that it is there, but the measured opening is {distance:.0f} mm off'
         return Outcome.GRIPPER_FAILED if result.reached_goal else Outcome.STALLED
 
     def _drives(self, run: _Run) -> bool:
         """Command the gripper at the start and at each change of speed. Returns True if the gripper should move."""
-        if isinstance(run.task, Holding):
-            run.opening = run.task.target
         speed = run.task.speed if run.task else 0.0
         if speed and speed != run.speed:
             run.speed, run.rest = speed, None
-            self.commands.drive(run.opening, speed)
+            self.commands.drive(run.target, speed)
         return speed > 0
 
     def _stop(self, run: _Run, by_cancel: bool) -> None:
@@ -402,7 +414,7 @@ class TouchControl:
         self._on_end(run.handle, Ending(outcome, run.is_hold, succeeds, self._reasons(run), self.opening, pads))
         if self._settings.hold and outcome is Outcome.FORCE_REACHED and run.goal and not run.goal.until_touched:
             held = Holding(run.goal, self._settings, self._steady(), self.opening)
-            self._run = _Run(run.handle, run.wish, held, opening=run.opening, waits=False)
+            self._run = _Run(run.handle, run.wish, held, waits=False)
 
     def _reasons(self, run: _Run) -> tuple[str, ...]:
         texts = [run.reason] * bool(run.reason) + [IN_DOUBT] * self.commands.is_doubtful

@@ -29,19 +29,7 @@ SWAY_TIME = 0.5
 
 
 class Holding:
-    """Holds an object after a goal, with the force of that goal.
-
-    Parameters
-    ----------
-    goal : Goal
-        The goal that has ended.
-    limits : TouchSettings
-        Limits for closing and holding.
-    now : float
-        Time of the start [s].
-    opening : float
-        Opening at the start [m], or NaN if unknown.
-    """
+    """Holds an object after a goal, with the force of that goal. The parameters are those of `Closing`."""
 
     def __init__(self, goal: Goal, limits: TouchSettings, now: float, opening: float):
         self._goal, self._limits, self._first = goal, limits, opening
@@ -51,7 +39,6 @@ class Holding:
         self.eases = False       #: True if the current or latest correction opens the gripper
         #: True if no correction may begin, because it would look like a touch of the object (put_down.py)
         self.is_suspended = False
-        self._slow = goal.slow_speed(limits)
         self._rested = self._known = self._held = now
         self._begun, self._begun_opening = now, opening  # start of the current correction
         self._noise = 0.0           # largest error of a reading [N]
@@ -64,21 +51,12 @@ class Holding:
     def deadband(self) -> float:
         """Deviation from the target force at which a correction begins [N]."""
         step = self._limits.stiffness * self._limits.gripper_step
-        return step + self._limits.overshoot(self._slow) + 2 * self._noise
+        return step + self._limits.overshoot(self._goal.slow_speed) + 2 * self._noise
 
     def look(self, now: float, touch: TouchReading, opening: float, *, is_still: bool) -> Outcome | None:
         """Return the outcome that ends the hold, or None to continue to ``target`` at ``speed``.
 
-        Parameters
-        ----------
-        now : float
-            Time [s].
-        touch : TouchReading
-            Latest readings of the pads.
-        opening : float
-            Current opening [m], or NaN if unknown.
-        is_still : bool
-            True if the gripper has confirmed that it is at rest.
+        The parameters are those of `Closing.look`.
         """
         is_seen = touch.is_current(now, self._limits.max_age)
         if is_seen:
@@ -151,14 +129,14 @@ class Holding:
         excess = touch.weakest - self.force
         self._begun, self._begun_opening = now, opening
         if lack > (0.0 if is_answer else self.deadband):
-            self.target, self.speed, self.eases = self._goal.opening, self._slow, False
+            self.target, self.speed, self.eases = self._goal.opening, self._goal.slow_speed, False
         elif excess > self.deadband and math.isfinite(opening):
             target = opening + excess / self._limits.stiffness
             if touch.strongest <= self._limits.highest_force:
                 # NaN comes first, so that the result is NaN if the first opening is unknown
                 target = min(self._first, target)
             if target >= opening + self._limits.gripper_step:
-                self.target, self.speed, self.eases = target, self._slow, True
+                self.target, self.speed, self.eases = target, self._goal.slow_speed, True
 
     def _answers(self, now: float) -> bool:
         """Raise the force if the object has slid in one direction for long enough, and return True if so."""

@@ -122,14 +122,6 @@ class HeldReading(NamedTuple):
 NOTHING_READ = HeldReading(-math.inf, GraspContact.NOT_KNOWN)
 
 
-class Departure(NamedTuple):
-    """A lasting departure from the baseline."""
-
-    signs: Sign = Sign.NONE
-    #: departure, as a mean over both pads [standard deviations of a single frame in the baseline]
-    deviations: float = 0.0
-
-
 class Quantity:
     """One quantity of one pad, and its departure from the baseline.
 
@@ -200,8 +192,11 @@ class PutDown:
 
     Attributes
     ----------
-    touch : Departure
-        Departure in the latest frame.
+    signs : Sign
+        Signs of a touch in the latest frame.
+    deviations : float
+        Largest departure from the baseline with one of these signs, as a mean over both pads [standard deviations of a
+        single frame in the baseline].
     reason : str
         Explanation of the outcome, or ''.
     used : int
@@ -210,7 +205,8 @@ class PutDown:
 
     def __init__(self, now: float, timeout: float, max_age: float):
         self._end, self._max_age = now + timeout, max_age
-        self.touch, self.reason = Departure(), ''
+        self.signs, self.deviations = Sign.NONE, 0.0
+        self.reason = ''
         self.used = 0
         self._was_held = False
         self._held = now       # time at which both pads last touched the object
@@ -283,10 +279,10 @@ class PutDown:
         for number, quantity in self._quantities:
             deviations[quantity.sign] += quantity.departure(time, pads[number]) / len(pads)
         signs = [sign for sign, deviation in deviations.items() if deviation >= CERTAINTY]
-        self.touch = Departure(Sign(sum(signs)), max(deviations[sign] for sign in signs)) if signs else Departure()
+        self.signs, self.deviations = Sign(sum(signs)), max((deviations[sign] for sign in signs), default=0.0)
         drifted = [each.name for _, each in self._quantities if each.has_drifted]
         if signs:
-            self.reason = f'{self.touch.signs.text}, by {self.touch.deviations:.1f} standard deviations'
+            self.reason = f'{self.signs.text}, by {self.deviations:.1f} standard deviations'
             return PutDownOutcome.SOMETHING_TOUCHES
         if not drifted:
             return None
