@@ -32,8 +32,9 @@ class _Pad:
         frame = PadFrame.of(TaxelFrame(EPOCH + now, self._sequence, values, status, 0), self._taxels,
                             f'{self._name}_pad')
         found = self._pipeline.find(frame.values, frame.taxels)
-        result = self._pipeline.recognise(PadContact.of(frame, found).found, EPOCH + now)
-        return pad_shape(frame, result, 'learned', 0.0).message
+        contact = PadContact.of(frame, found)
+        result = self._pipeline.recognise(contact.found, EPOCH + now)
+        return pad_shape(contact, result, 'learned', 0.0).message
 
 
 class PlannerChain:

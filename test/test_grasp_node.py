@@ -121,7 +121,7 @@ def test_the_waiting_shapes_of_both_pads_are_one_grasp_if_their_ages_are_known(m
 
     def accept_both() -> None:
         for side in BOTH:
-            gripper.node.accept(side, PadShape(copy.copy(gripper.message(side))), since - age)
+            gripper.node.accept(side, PadShape(copy.copy(gripper.message(side)), acquired=since - age))
 
     gripper.node._stages.chain.post(accept_both)
     gripper.wait(PERIOD)

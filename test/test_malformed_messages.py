@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.type_hash import TypeHash
@@ -106,11 +106,14 @@ def good_contact(sequence=0) -> Contact:
 def good_shape(sequence=0) -> ContactShape:
     contact = good_contact(sequence)
     frame = Recognition.of({Shape.SQUARE: 0.75, Shape.UNKNOWN: 0.25})
-    found = pad_contact_of(contact).found
+    received = pad_contact_of(contact)
+    found = received.found
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     fused = FusedRecognition(frame, STAMP, 1.5, 30)
     result = StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
-    return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).message
+    message = pad_shape(received, result, 'learned', 0.0).message
+    message.age = Duration()
+    return message
 
 
 def good_event(sequence=0) -> ContactEvent:

@@ -80,11 +80,12 @@ def contact(values):
 
 def shape(values, kind, solid_height=0.0):
     message = contact(values)
-    found = pad_contact_of(message).found
+    received = pad_contact_of(message)
+    found = received.found
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
     fused = FusedRecognition(frame, STAMP - 1.5, 1.5, 30)
     result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found, found.moments, Motion())
-    return pad_shape(pad_frame_of(message), result, 'learned', solid_height).message
+    return pad_shape(received, result, 'learned', solid_height).message
 
 
 def test_taxels_keep_values_nan_status_and_stamp():

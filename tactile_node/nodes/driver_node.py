@@ -177,7 +177,7 @@ class DriverNode(StageNode, LifecycleNode):
         outputs = {}
         for pad, frame_id in zip(pads, pad_frames(settings, pads)):
             outputs[pad.name] = output = PadOutput(
-                self, pad, frame_id, conditioned[pad.name], settings, self._stages, source.acquired,
+                self, pad, frame_id, conditioned[pad.name], settings, self._stages,
                 layer=responses[pad.name].layer if pad.name in responses else None)
             self._owned.append(output.destroy)
             if settings.replay and settings.lossless and not output.is_answered:

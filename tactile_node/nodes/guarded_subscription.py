@@ -52,7 +52,9 @@ class GuardedSubscription(MessageGuard[Message]):
     def _on_message(self, message: Message) -> None:
         self.count_publishers()
         usable = [each for each in (message, *self._waiting()) if self.is_usable(each)]
-        self.process(usable, self._callback)
+        if usable:
+            self.count_overtaken(len(usable) - 1)
+            self.process(self._callback, usable[-1])
 
     def _waiting(self) -> list[Message]:
         """Take all messages that have arrived since the executor took the current message."""

@@ -4,7 +4,7 @@ import logging
 import math
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Generic, TypeAlias
 
 from rclpy.node import Node
@@ -72,8 +72,6 @@ class MessageGuard(Generic[Message]):
         Number of publishers of the topic at the last call of `count_publishers`.
     acquired : float
         Time when the taxels of the last usable message were acquired, on the steady clock [s]; -inf if not known.
-    left_out : int
-        Number of frames directly before the current message that were overtaken at this node or at an earlier node.
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, check: Check[Message], *, lossless: bool = False,
@@ -96,7 +94,6 @@ class MessageGuard(Generic[Message]):
         self._overtaken = 0
         self.publishers = 0
         self.acquired = -math.inf
-        self.left_out = 0
 
     @property
     def counts(self) -> MessageCounts:
@@ -145,14 +142,14 @@ class MessageGuard(Generic[Message]):
             self._count_failure(error)
         return False
 
-    def process(self, usable: Sequence[Any], call: Callable[..., object], *args: object) -> None:
-        """Call ``call`` with the last usable message and ``args``, and count the earlier messages as overtaken."""
-        if not usable:
-            return
-        self._overtaken += len(usable) - 1
-        self.left_out = len(usable) - 1 + sum(map(_left_out_before, usable))
-        if self.attempt(call, usable[-1], *args):
+    def process(self, call: Callable[..., object], usable: object) -> None:
+        """Call ``call`` with a usable message or result, and count it as processed."""
+        if self.attempt(call, usable):
             self._processed += 1
+
+    def count_overtaken(self, usable: int) -> None:
+        """Count usable messages that the node does not process, because newer messages are waiting."""
+        self._overtaken += usable
 
     def attempt(self, call: Callable[..., object], *args: object) -> bool:
         """Call a function. If the function raises an exception, count PROCESSING_FAILED and return False."""

@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections.abc import Callable
 
 from rclpy.node import Node
 
@@ -37,21 +36,17 @@ class PadOutput:
         Settings of the driver.
     stages : Stages
         Stages of this process.
-    acquired : callable
-        Function that returns the acquisition time of a frame from its stamp; see `FrameSource.acquired`.
     layer : Layer or None
         Elastic layer of a calibrated skin, or None if the layer is not known.
     """
 
     def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,
-                 settings: DriverSettings, stages: Stages, acquired: Callable[[float], float],
-                 layer: Layer | None = None):
+                 settings: DriverSettings, stages: Stages, layer: Layer | None = None):
         self.conditioned = conditioned
         self._is_mirrored = pad.layout.is_mirrored
         self.unit = pad.layout.value.unit
         self._taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
         self._frame_id = frame_id
-        self._acquired = acquired
         self._node = node
         self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, stages)
         #: True if all stages up to the classifier run in this process
@@ -67,8 +62,7 @@ class PadOutput:
 
     def publish(self, frame: TaxelFrame) -> None:
         """Condition a taxel frame, publish it and pass it on, on the chain thread."""
-        conditioned = PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id)
-        self._output.send(conditioned, self._acquired(frame.stamp))
+        self._output.send(PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id))
 
     def _other_publishers(self) -> tuple[str, ...]:
         """Return the full names of the other nodes that publish on the same topic. The names are read once a second.

@@ -28,7 +28,9 @@ LISTENING_PERIOD = 0.1
 STOP_TIMEOUT = 2.0  #: Longest time that the end of a node waits for a running call of the chain [s].
 
 
-Result = TypeVar('Result')  #: A result of a stage, with the ``header`` and the ``sequence`` of its taxel frame.
+#: A result of a stage: PadFrame, PadContact or PadShape. Each has the ``header``, ``sequence`` and ``acquired`` of its
+#: taxel frame, and the number ``left_out`` of overtaken frames before it.
+Result = TypeVar('Result')
 
 
 class Stages:
@@ -93,24 +95,17 @@ class StageOutput(Generic[Result]):
                                                                     lossless=settings.lossless)
         self.topic = self._publisher.topic  #: full name of the topic
 
-    def send(self, result: Result, acquired: float) -> None:
+    def send(self, result: Result) -> None:
         """Publish a result and pass it on, on the chain thread.
 
         If publishing raises an exception, the next stage still gets the result, and the caller gets the exception and
         counts it.
-
-        Parameters
-        ----------
-        result : Result
-            Result of this stage.
-        acquired : float
-            Time when the taxels were acquired, on the steady clock [s].
         """
         try:
-            self._publisher.publish(self._message, result, acquired)
+            self._publisher.publish(self._message, result)
         finally:
             if (reader := self._stages.input_of(self.topic)) is not None:
-                reader.feed(result, acquired)
+                reader.feed(result)
 
     def end(self) -> None:
         """Stop sending, because the node is ending or is no longer configured."""
@@ -119,9 +114,9 @@ class StageOutput(Generic[Result]):
             reader.end_feeding()
         self._publisher.destroy()
 
-    def _message(self, result: Result, acquired: float) -> Any:
+    def _message(self, result: Any) -> Any:
         message = self._make(result)
-        message.age = age_since(acquired)
+        message.age = age_since(result.acquired)
         return message
 
 
@@ -141,14 +136,14 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
     topic : str
         Name of the topic.
     accept : callable
-        Function that is called with each result and the time when its taxels were acquired, on the steady clock [s]
-        (-inf if not known). It runs on the chain thread.
+        Function that is called with each result, on the chain thread.
     settings : ReceiverSettings
         Settings of the node.
     check : callable
         Function that returns the reason why a message cannot be used, or None.
     parse : callable
-        Function that creates a result from a message.
+        Function that creates a result from a message and the time when its taxels were acquired, on the steady clock
+        [s] (-inf if not known).
     stages : Stages
         Stages of this process.
     step : Step or None
@@ -165,13 +160,12 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         Topic of this stage's results, or None for the last stage of a pad.
     """
 
-    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result, float], None],
-                 settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
+    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
+                 settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message, float], Result],
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
         super().__init__(node, kind, node.resolve_topic_name(topic), check, lossless=settings.lossless, steady=steady)
         self._accept = accept
-        self._kind = kind
         self._parse = parse
         self._stages = stages
         self._step = step
@@ -179,9 +173,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         qos = settings.input_qos
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
-        # Usable results and messages that wait for ``step``: each after those that it has overtaken, and the time when
-        # its taxels were acquired.
-        self._waiting: deque[tuple[list[Any], float]] = deque()
+        self._waiting: deque[Any] = deque()  # usable results that wait for ``step``
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
@@ -198,22 +190,15 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._listen()
         return super().health
 
-    def feed(self, result: Result, acquired: float) -> None:
+    def feed(self, result: Any) -> None:
         """Receive a result from a stage of this process, on the chain thread.
 
         If the message of the result comes back over the topic, the chain takes it later and ignores it.
-
-        Parameters
-        ----------
-        result : Result
-            Result of the previous stage.
-        acquired : float
-            Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
         """
         self._is_fed = True
         self._own.append(frame_key(result))
         self.attempt(self._look_for_others)
-        if self.is_usable(result, acquired):
+        if self.is_usable(result, result.acquired):
             self._wait_for_step(result)
 
     def end_feeding(self) -> None:
@@ -232,24 +217,20 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._arrived.clear()
         self._stages.remove(self)
 
-    def _wait_for_step(self, received: Any) -> None:
-        self._waiting.append(([received], self.acquired))
+    def _wait_for_step(self, result: Any) -> None:
+        self._waiting.append(result)
         if self._step is None:
             self._process_next()
         elif len(self._waiting) > self._most_waiting:
-            overtaken, _ = self._waiting.popleft()
-            self._waiting[0][0][:0] = overtaken  # the next result has overtaken these
+            overtaken, following = self._waiting.popleft(), self._waiting.popleft()
+            self._waiting.appendleft(following._replace(left_out=following.left_out + overtaken.left_out + 1))
+            self.count_overtaken(1)
         else:
-            self._stages.chain.postpone(self._step, self.acquired, self._process_next)
+            self._stages.chain.postpone(self._step, result.acquired, self._process_next)
 
     def _process_next(self) -> None:
         if self._waiting:
-            received, acquired = self._waiting.popleft()
-            self.process(received, self._pass_on, acquired)
-
-    def _pass_on(self, received: Any, acquired: float) -> None:
-        """Call ``accept`` of the node with a result, or with the result that a message contains."""
-        self._accept(self._parse(received) if isinstance(received, self._kind) else received, acquired)
+            self.process(self._accept, self._waiting.popleft())
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
@@ -261,7 +242,10 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         message = self._arrived.popleft()
         self.count_publishers()
         if frame_key(message) not in self._own and self.is_usable(message):
-            self._wait_for_step(message)
+            self.attempt(self._wait_for_result_of, message)
+
+    def _wait_for_result_of(self, message: Message) -> None:
+        self._wait_for_step(self._parse(message, self.acquired))
 
     def _look_for_others(self) -> None:
         """Let the executor subscribe to the topic if another node publishes it, and end the subscription otherwise."""

@@ -13,7 +13,8 @@ from std_msgs.msg import Header
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import principal_axis
 from tactile_node.pose.pipeline import StreamedContact
-from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
+from tactile_node.ros.contact_messages import PadContact, pad_state, single
+from tactile_node.ros.message_age import age_since
 from tactile_node.ros.motion_messages import motion_message
 from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import Shape
@@ -44,10 +45,14 @@ class PadShape:
         Result from which ``fields`` was created; None for a received message.
     solid_height
         Height of the solid to add [m]; 0 to add no solid.
+    acquired
+        Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
     """
 
-    def __init__(self, fields: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
+    def __init__(self, fields: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0, *,
+                 acquired: float = -math.inf):
         self.fields, self._result, self._solid_height = fields, result, solid_height
+        self.acquired = acquired
 
     @cached_property
     def message(self) -> ContactShape:
@@ -67,15 +72,20 @@ class PadShape:
         return int(self.fields.left_out)
 
 
-def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> PadShape:
+def pad_shape_of(message: ContactShape, acquired: float) -> PadShape:
+    """Return the shape in a message, whose taxels were acquired at ``acquired`` on the steady clock [s]."""
+    return PadShape(message, acquired=acquired)
+
+
+def pad_shape(contact: PadContact, result: StreamedContact, method: str, solid_height: float) -> PadShape:
     """Return the shape of a result.
 
     Parameters
     ----------
-    frame
-        Taxel frame of the pad.
+    contact
+        Contacts in the taxel frame.
     result
-        Recognised, fused and fitted contact in this taxel frame.
+        Recognised, fused and fitted contact.
     method
         Name of the recognition method.
     solid_height
@@ -86,7 +96,8 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
     pad_force, pad_force_is_bound = result.found.pad_force(moments)
     x, y = moments.centre_of_pressure
     fields = SimpleNamespace(
-        header=frame.header, sequence=frame.sequence, left_out=0, shape=number_of(fused.shape.value),
+        header=contact.header, sequence=contact.sequence, left_out=contact.left_out,
+        age=age_since(contact.acquired), shape=number_of(fused.shape.value),
         class_name=fused.shape.value, unknown_reason=fused.reason, confidence=single(fused.confidence),
         class_names=[shape.value for shape in fused.probabilities],
         probabilities=array('f', fused.probabilities.values()),
@@ -96,7 +107,7 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         taxels=int(np.count_nonzero(pattern.mask)), hidden_taxels=seen.hidden_in_contact,
         saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
         saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge,
-        missing_can_frames=frame.missing_can_frames,
+        missing_can_frames=contact.frame.missing_can_frames,
         contacts=pattern.contacts, others_present=pattern.contacts > 1,
         contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
         force=moments.force, force_sd=moments.force_sd, force_is_bound=moments.force_is_bound, pad_force=pad_force,
@@ -104,11 +115,11 @@ def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_heigh
         centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
         centre_of_pressure_is_bound=moments.centre_of_pressure_is_bound, contact_area=moments.area,
         pressure_slope=moments.slope, size_is_bound=moments.size_is_bound,
-        motion=motion_message(result.motion, seconds(frame.header.stamp)), fit_valid=fit is not None,
+        motion=motion_message(result.motion, seconds(contact.header.stamp)), fit_valid=fit is not None,
         pose=SimpleNamespace(pose=_pose(fit)))
     if fit is not None:
         _add_fit(fields, fit)
-    return PadShape(fields, result, solid_height)
+    return PadShape(fields, result, solid_height, acquired=contact.acquired)
 
 
 def contact_pitch(message: ContactShape) -> float:

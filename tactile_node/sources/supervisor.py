@@ -145,9 +145,6 @@ class Supervisor:
             thread.join()
         self._bus.close()
 
-    def acquired(self, stamp: float) -> float:
-        return self._bus.traffic.clock.acquired(stamp)
-
     def auto_zero(self, pad: str) -> int:
         return self._bus.devices.auto_zero(pad)
 
@@ -268,9 +265,9 @@ class Supervisor:
             node.monitor.expect(time.monotonic())
 
     def _deliver_trusted(self, name: str, frame: TaxelFrame) -> None:
-        acquired = self.acquired(frame.stamp)
+        frame = frame._replace(acquired=self._bus.traffic.clock.acquired(frame.stamp))
         for node in self._by_pad[name]:
-            frame = node.monitor.trust.only_trusted(frame, acquired)
+            frame = node.monitor.trust.only_trusted(frame)
         self._on_frame(name, frame)
 
 
