@@ -16,6 +16,7 @@ import pytest
 from can_bench import serial_line
 from waiting import wait_until
 
+from tactile_node.assembly.free_bus import FreeBus
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router
 from tactile_node.bus import traffic as traffic_module
@@ -82,13 +83,13 @@ def test_an_exception_over_a_batch_is_logged_and_neither_ends_the_reception_nor_
 def test_an_exception_of_the_assembler_is_logged_and_costs_one_call_alone(monkeypatch, caplog):
     bus = Clocked(monkeypatch, queue_limit=1)
     free_bus = bus.traffic._router.free_bus
-    was_unobserved = free_bus.was_unobserved
-    monkeypatch.setattr(free_bus, 'was_unobserved', lambda *given: 1 / 0)
+    arrived = free_bus.arrived
+    monkeypatch.setattr(free_bus, 'arrived', lambda *given: 1 / 0)
     bus.received(1.0)
     done = threading.Event()
     bus.traffic.chain.post(done.set)
     assert done.wait(60) and 'ZeroDivisionError' in caplog.text and 'Traceback' in caplog.text
-    monkeypatch.setattr(free_bus, 'was_unobserved', was_unobserved)
+    monkeypatch.setattr(free_bus, 'arrived', arrived)
     assert wait_until(bus.received(2.0))
     assert bus.traffic.overruns == 0  # The queue accepts messages again.
 
@@ -154,9 +155,9 @@ class Clocked:
     def __init__(self, monkeypatch, queue_limit=99):
         self.spans, self.steady = [], 1000.0
         monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
-        bus = SimpleNamespace(was_unobserved=lambda until, seconds: self.spans.append(seconds),
-                              saw_frame=lambda stamp: self.spans.append(None),
-                              saw_error=self.spans.append)
+        bus = FreeBus(1_000_000)
+        monkeypatch.setattr(bus, '_occupy', lambda until, seconds: self.spans.append(seconds))
+        monkeypatch.setattr(bus, 'saw_frame', lambda stamp: self.spans.append(None))
         router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None)
         router.saw_other = partial(Router.saw_other, router)
         monitor = BusMonitor([])

@@ -4,6 +4,7 @@ import time
 from collections import Counter
 from collections.abc import Collection
 from math import inf
+from typing import NamedTuple
 
 import can
 
@@ -16,6 +17,14 @@ from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
+
+
+class BatchArrival(NamedTuple):
+    """The time in which the messages of a batch arrived."""
+
+    #: stamps between which all messages arrived [s]; None if the stamp of each message is its time of arrival
+    interval: tuple[float, float] | None
+    most_free: float  #: longest time for which the bus may have been free before the batch, on the steady clock [s]
 
 
 class Traffic:
@@ -56,7 +65,6 @@ class Traffic:
         #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped
         self.overruns = 0
         self.others: Counter[str] = Counter()  #: messages without data, by kind, counted when they are received
-        self._last_arrival = -inf  # stamp before which all messages so far had arrived
         self._is_gap = True  # True if messages before the next batch may be missing
         self._read_at = 0.0  # time at which the last batch was read, on the steady clock
 
@@ -94,44 +102,29 @@ class Traffic:
             stamped.append((message, kind, inf if message.is_error_frame else self.clock.of(message.timestamp)))
         if self._posted - self._fed + len(stamped) <= self._queue_limit:
             self._posted += len(stamped)
-            self.chain.post(self._feed, stamped, self._arrival(batch), self._most_free(batch, is_gap))
+            self.chain.post(self._feed, stamped, self._arrival(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
             self.overruns += sum(kind is None for _, kind, _ in stamped)
 
-    def _arrival(self, batch: Batch) -> tuple[float, float] | None:
-        """Return the two stamps between which all frames of a batch arrived.
-
-        Return None if each frame's stamp is its time of arrival.
-        """
+    def _arrival(self, batch: Batch, is_gap: bool) -> BatchArrival:
+        """Return when a batch arrived. If frames before it may be missing (``is_gap``), the bus was not free."""
+        now = time.monotonic()
+        after, until = batch.arrival or (now, now)
+        most_free = 0.0 if is_gap else max(0.0, after - self._read_at)
+        self._read_at = until
         if batch.arrival is None:
-            return None
+            return BatchArrival(None, most_free)
         lead = self.clock.now() - time.monotonic()
-        after, until = batch.arrival
-        return after + lead, until + lead
+        return BatchArrival((after + lead, until + lead), most_free)
 
-    def _most_free(self, batch: Batch, is_gap: bool) -> float:
-        """Return an upper bound on the time for which the bus was free before this batch, on the steady clock [s].
-
-        The bound is 0 if frames before this batch may be missing (``is_gap``).
-        """
-        after, read = batch.arrival or (time.monotonic(),) * 2
-        before, self._read_at = self._read_at, read
-        return 0.0 if is_gap else max(0.0, after - before)
-
-    def _feed(self, stamped: list[tuple[can.Message, str | None, float]], arrival: tuple[float, float] | None,
-              most_free: float) -> None:
-        """Feed the messages of a batch, with their kinds and stamps, to the router, on the chain thread.
-
-        If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
-        """
+    def _feed(self, stamped: list[tuple[can.Message, str | None, float]], arrival: BatchArrival) -> None:
+        """Feed the messages of a batch, with their kinds and stamps, to the router, on the chain thread."""
         self._fed += len(stamped)
         for message, kind, stamp in stamped:
-            after, until = arrival or (stamp, stamp)
+            after, until = arrival.interval or (stamp, stamp)
             if not message.is_error_frame:
-                not_free = max(0.0, after - self._last_arrival - most_free)
-                self._router.free_bus.was_unobserved(after, not_free)
-                self._last_arrival = until
+                self._router.free_bus.arrived(after, until, arrival.most_free)
             if kind is None:
                 self._router.feed(message.arbitration_id, bytes(message.data), stamp, after)
             else:
