@@ -76,7 +76,7 @@ class Supervisor:
         self._by_pad = {pad.name: [SupervisedNode(self._bus, NodeMonitor(node, self.bus_monitor, *timeouts), recover)
                                    for node in pad.nodes] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
-        self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.traffic.chain.post, data_timeout=timeouts[1])
+        self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.queue.chain.post, data_timeout=timeouts[1])
         self._outages: Outages[Failure] = Outages()  # outages of the bus
         self._retries = Retries()  # attempts to reopen the bus
         self._throttle = LogThrottle()
@@ -265,7 +265,7 @@ class Supervisor:
             node.monitor.expect(time.monotonic())
 
     def _deliver_trusted(self, name: str, frame: TaxelFrame) -> None:
-        frame = frame._replace(acquired=self._bus.traffic.clock.acquired(frame.stamp))
+        frame = frame._replace(acquired=self._bus.queue.clock.acquired(frame.stamp))
         for node in self._by_pad[name]:
             frame = node.monitor.trust.only_trusted(frame)
         self._on_frame(name, frame)

@@ -1,4 +1,4 @@
-"""Stamp the CAN frames of one bus, and post them to the chain, which assembles them."""
+"""Stamp the CAN frames of one bus, and queue them for the chain, which assembles them."""
 
 import time
 from collections import Counter
@@ -27,8 +27,8 @@ class BatchArrival(NamedTuple):
     most_free: float  #: longest time for which the bus may have been free before the batch, on the steady clock [s]
 
 
-class Traffic:
-    """Posts every received message, and every sent message that the assembler needs, to the chain.
+class CanQueue:
+    """Queues every received message, and every sent message that the assembler needs, for the chain.
 
     Parameters
     ----------
