@@ -110,7 +110,7 @@ def good_shape(sequence=0) -> ContactShape:
     found = received.found
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     fused = FusedRecognition(frame, STAMP, 1.5, 30)
-    result = StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
+    result = StreamedContact(frame, fused, fit, found, found.moments, Motion())
     message = pad_shape(received, result, 'learned', 0.0).message
     message.age = Duration()
     return message

@@ -84,7 +84,7 @@ def shape(values, kind, solid_height=0.0):
     found = received.found
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
     fused = FusedRecognition(frame, STAMP - 1.5, 1.5, 30)
-    result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found, found.moments, Motion())
+    result = StreamedContact(frame, fused, found.fit(kind), found, found.moments, Motion())
     return pad_shape(received, result, 'learned', solid_height).message
 
 

@@ -85,7 +85,7 @@ class ClassifierNode(StageNode):
     def _all_shapes_of(self, contact: PadContact, largest: StreamedContact) -> ContactShapes:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)
         shapes = [self._shape(contact, each).message for each in results]
-        together = shapes_message(contact, largest.contact.contacts, shapes)
+        together = shapes_message(contact, largest.found.pattern.contacts, shapes)
         together.age = age_since(contact.acquired)
         return together
 

@@ -91,7 +91,7 @@ def pad_shape(contact: PadContact, result: StreamedContact, method: str, solid_h
     solid_height
         Height of the solid to add [m]; 0 to add no solid.
     """
-    fused, alone, pattern = result.fused.recognition, result.recognition, result.contact
+    fused, alone, pattern = result.fused.recognition, result.recognition, result.found.pattern
     seen, moments, fit = result.found.visibility, result.moments, result.fit
     pad_force, pad_force_is_bound = result.found.pad_force(moments)
     x, y = moments.centre_of_pressure
@@ -151,7 +151,7 @@ def _complete(fields: SimpleNamespace, result: StreamedContact, solid_height: fl
     pose = PoseWithCovariance(pose=fields.pose.pose, covariance=covariance)
     message = ContactShape(**vars(fields) | {'pose': pose})
     message.frame_probabilities = [alone.get(shape, 0.0) for shape in result.fused.recognition.probabilities]
-    message.principal_axis = principal_axis(result.contact.mask)
+    message.principal_axis = principal_axis(result.found.pattern.mask)
     message.residual = math.nan if fit is None else fit.residual
     message.box_centre.x, message.box_centre.y = box.centre
     message.box_angle, message.box_lengths = box.angle, box.lengths
