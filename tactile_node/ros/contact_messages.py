@@ -147,6 +147,11 @@ def pad_contact_of(message: Contact, acquired: float = -math.inf) -> PadContact:
 
 
 def _pattern(message: Contact, frame: PadFrame) -> ContactPattern:
+    """Return the pattern in a message, from which the recognition gives bit-identical results.
+
+    The message lacks ``is_covered`` and ``is_left_over``. Only ``pad_seen`` depends on them, and the message contains
+    ``pad_seen``.
+    """
     labels = np.frombuffer(message.labels, np.uint8).reshape(message.rows, message.cols)
     values, unmapped = frame.values.astype(float), frame.status == TaxelStatus.UNMAPPED
     return ContactPattern(
