@@ -9,14 +9,12 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Generic, TypeVar
 
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 
 from tactile_node.chain import Chain, Step
-from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
+from tactile_node.nodes.guarded_subscription import FrameKey, GuardedSubscription, frame_key
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.ros.message_age import age_since
 from tactile_node.ros.message_checks import Check, Message
@@ -120,12 +118,13 @@ class StageOutput(Generic[Result]):
         return message
 
 
-class StageInput(MessageGuard[Message], Generic[Message, Result]):
+class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     """Input of a stage, which receives results from a stage of the same process or messages from a topic.
 
-    The input subscribes to the topic unless a stage of this process is its only publisher. If another node also
-    publishes the topic, the input drops all results from the moment that node starts to send. If a message of this
-    process comes back over the topic, the input recognises it by its sequence number and stamp, and ignores it.
+    Both wait for their turn on the chain. The input subscribes to the topic unless a stage of this process is its only
+    publisher. If another node also publishes the topic, the input drops all results from the moment that node starts to
+    send. If a message of this process comes back over the topic, the input recognises it by its sequence number and
+    stamp, and ignores it.
 
     Parameters
     ----------
@@ -164,8 +163,6 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message, float], Result],
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
-        super().__init__(node, kind, node.resolve_topic_name(topic), check, lossless=settings.lossless, steady=steady)
-        self._accept = accept
         self._parse = parse
         self._stages = stages
         self._step = step
@@ -179,8 +176,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._is_fed = False
         self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
         self.sends_on: str | None = None
-        self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
-        self._subscription: Subscription | None = self._subscribe()
+        super().__init__(node, kind, topic, accept, qos, check=check, lossless=settings.lossless, steady=steady)
         stages.add(self)
 
     @property
@@ -212,8 +208,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
+        self.destroy()
         self._arrived.clear()
         self._stages.remove(self)
 
@@ -230,7 +225,7 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
 
     def _process_next(self) -> None:
         if self._waiting:
-            self.process(self._accept, self._waiting.popleft())
+            self.process(self._waiting.popleft())
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
