@@ -58,7 +58,7 @@ from tactile_node.ros.message_checks import (
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
 from tactile_node.ros.motion_messages import check_contact_event, event_message
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.shape_messages import pad_shape
+from tactile_node.ros.shape_messages import pad_shape, pad_shape_of
 from tactile_node.ros.source_guard import SOURCE_HOLD
 from tactile_node.ros.time_messages import duration_message, time_message
 from tactile_node.shape.fusion import FusedRecognition, RecognitionFusion
@@ -123,7 +123,7 @@ def good_event(sequence=0) -> ContactEvent:
 
 
 def good_grasp(sequence=0) -> Grasp:
-    tracker, side = GraspTracker(), good_shape(sequence)
+    tracker, side = GraspTracker(), pad_shape_of(good_shape(sequence))
     opening = Opening(0.04, GapSource.PARAMETER, 1.0)
     tracker.update('left', side_result(side, 5.0), now=5.0)
     tracker.update('right', side_result(side, 5.0), now=5.0)

@@ -67,7 +67,7 @@ class ClassifierNode(StageNode):
         finally:  # no later frame reports these events again
             for event in result.motion.events:
                 self._contacts.attempt(self._publish_event, event, contact)
-        if shape.fields.fit_valid:
+        if shape.centre is not None:
             self._poses.publish(lambda: pose_message(shape.message))
         self.recognised += 1
         if self._view.is_wanted or self._all_shapes.is_wanted:

@@ -68,7 +68,7 @@ class GraspNode(StageNode):
             max_skew=settings.max_skew, max_age=settings.max_age))
         self._opening = make_opening_source(self, settings, gripper.closing, steady)
         publish_pad_frames(self, settings, gripper, self._opening)
-        self._latest = {side: PadShape(ContactShape()) for side in SIDES}
+        self._latest = {side: pad_shape_of(ContactShape()) for side in SIDES}
         self._is_published = True  # False while a shape waits to be published in a grasp
         self._stamp = 0.0  # latest stamp, which serves as the clock of a lossless replay [s]
         qos, lossless = settings.qos, settings.lossless
@@ -95,7 +95,7 @@ class GraspNode(StageNode):
             Shape on the pad of this side.
         """
         stamp = seconds(shape.header.stamp)
-        result = side_result(shape.fields, stamp if self._settings.lossless else shape.acquired)
+        result = side_result(shape, stamp if self._settings.lossless else shape.acquired)
         with self._lock:
             self._received = self._steady()
             self._latest[side] = shape
@@ -162,12 +162,12 @@ class GraspNode(StageNode):
     def _grasp_at(self, now: float) -> CurrentGrasp:
         opening = self._opening.current()
         state = self._tracker.state(now, opening.gap)
-        sides = [self._latest[side].fields for side in SIDES]
+        sides = [self._latest[side] for side in SIDES]
         return CurrentGrasp(state, sides, partial(grasp_message, state, sides, opening, self._settings.frame,
                                                   self._ages(), self._gripper))
 
     def _sides_message(self, state: GraspState) -> GraspSides:
-        sides = [self._latest[side].message for side in SIDES]
+        sides = [self._latest[side] for side in SIDES]
         return sides_message(state, sides, self._settings.frame, self._ages())
 
     def _ages(self) -> list[float]:

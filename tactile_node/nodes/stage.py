@@ -170,7 +170,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         qos = settings.input_qos
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
-        self._waiting: deque[Any] = deque()  # usable results that wait for ``step``
+        self._waiting: deque[Any] = deque()  # usable results (NamedTuples) that wait for ``step``
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
