@@ -9,7 +9,7 @@ from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.ros.contact_messages import PadContact, PadFrame
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message
-from tactile_node.ros.shape_messages import PadShape, pad_shape, pad_shape_of
+from tactile_node.ros.shape_messages import PadShape, pad_shape_of
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import NO_SIDE, SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
@@ -34,7 +34,7 @@ class _Pad:
         found = self._pipeline.find(frame.values, frame.taxels)
         contact = PadContact.of(frame, found)
         result = self._pipeline.recognise(contact.found, EPOCH + now)
-        return pad_shape(contact, result, 'learned', 0.0)
+        return PadShape.of(contact, result, 'learned', 0.0)
 
 
 class PlannerChain:

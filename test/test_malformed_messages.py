@@ -58,7 +58,7 @@ from tactile_node.ros.message_checks import (
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
 from tactile_node.ros.motion_messages import check_contact_event, event_message
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.shape_messages import pad_shape, pad_shape_of
+from tactile_node.ros.shape_messages import PadShape, pad_shape_of
 from tactile_node.ros.source_guard import SOURCE_HOLD
 from tactile_node.ros.time_messages import duration_message, time_message
 from tactile_node.shape.fusion import FusedRecognition, RecognitionFusion
@@ -111,7 +111,7 @@ def good_shape(sequence=0) -> ContactShape:
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     fused = FusedRecognition(frame, STAMP, 1.5, 30)
     result = StreamedContact(frame, fused, fit, found, found.moments, Motion())
-    message = pad_shape(received, result, 'learned', 0.0).message
+    message = PadShape.of(received, result, 'learned', 0.0).message
     message.age = Duration()
     return message
 

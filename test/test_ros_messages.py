@@ -26,7 +26,7 @@ from tactile_node.ros.contact_messages import (
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
-from tactile_node.ros.shape_messages import pad_shape, pad_shape_of, pose_message
+from tactile_node.ros.shape_messages import PadShape, pad_shape_of, pose_message
 from tactile_node.ros.time_messages import time_message
 from tactile_node.shape.fusion import FusedRecognition
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
@@ -85,7 +85,7 @@ def shape(values, kind, solid_height=0.0):
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
     fused = FusedRecognition(frame, STAMP - 1.5, 1.5, 30)
     result = StreamedContact(frame, fused, found.fit(kind), found, found.moments, Motion())
-    return pad_shape(received, result, 'learned', solid_height).message
+    return PadShape.of(received, result, 'learned', solid_height).message
 
 
 def side_result(message, time):

@@ -21,7 +21,7 @@ from tactile_node.ros.motion_messages import event_message
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import ClassifierSettings
-from tactile_node.ros.shape_messages import MOST_SHAPES, PadShape, pad_shape, pose_message, shapes_message
+from tactile_node.ros.shape_messages import MOST_SHAPES, PadShape, pose_message, shapes_message
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Contact, ContactEvent, ContactShape, ContactShapes
@@ -90,7 +90,7 @@ class ClassifierNode(StageNode):
         return together
 
     def _shape(self, contact: PadContact, result: StreamedContact) -> PadShape:
-        return pad_shape(contact, result, self._settings.method, self._settings.solid_height)
+        return PadShape.of(contact, result, self._settings.method, self._settings.solid_height)
 
 
 def main() -> int:

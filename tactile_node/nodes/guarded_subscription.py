@@ -138,22 +138,22 @@ class GuardedSubscription(Generic[Message]):
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
 
-    def is_usable(self, message: Any, acquired: float | None = None) -> bool:
+    def is_usable(self, message: Any, *, is_result: bool = False) -> bool:
         """Check a message and record it. Returns True if the message can be used, otherwise counts it as dropped.
 
         Parameters
         ----------
         message : message or result
             Message from the topic, or result of a stage in this process.
-        acquired : float or None
-            For a result of this process, the time when its taxels were acquired, on the steady clock [s].
+        is_result : bool
+            True for a result, whose content needs no check.
         """
         self._received += 1
         try:
-            reason = (self._check_type(message, acquired) or (self._check(message) if acquired is None else None)
+            reason = (self._check_type(message, is_result) or (None if is_result else self._check(message))
                       or self._check_sender(message))
             if reason is None:
-                self._note(message, acquired)
+                self._note(message, is_result)
                 return True
             self._drop(reason)
         except Exception as error:
@@ -202,7 +202,7 @@ class GuardedSubscription(Generic[Message]):
             raise error
         self._drop(RejectReason.PROCESSING_FAILED, error)
 
-    def _check_type(self, message: Any, acquired: float | None) -> RejectReason | None:
+    def _check_type(self, message: Any, is_result: bool) -> RejectReason | None:
         """Return OTHER_TYPE if a publisher uses another version of the message type.
 
         The types are read again only if the publishers may have changed: if their number differs, if the sequence of
@@ -212,7 +212,7 @@ class GuardedSubscription(Generic[Message]):
         if not self._kind_is_of_chain:
             return None
         is_next = self._sequence is not None and message.sequence - self._sequence == 1 + _left_out_before(message)
-        has_gap = acquired is None and not is_next
+        has_gap = not is_result and not is_next
         if self.publishers != self._typed_publishers or has_gap or self._other_types:
             self._typed_publishers = self.publishers
             self._other_types = publishers_of_other_type(self._node, self.topic)
@@ -228,11 +228,11 @@ class GuardedSubscription(Generic[Message]):
         is_accepted = self._sources.accepts(now, message.sequence, stamp, _left_out_before(message))
         return None if is_accepted else RejectReason.OTHER_SOURCE
 
-    def _note(self, message: Any, acquired: float | None) -> None:
+    def _note(self, message: Any, is_result: bool) -> None:
         """Record the time of acquisition and the sequence number of a message that is used."""
         if not self._kind_is_of_chain:
             return
-        self.acquired = self._age.arrived(message).acquired if acquired is None else acquired
+        self.acquired = message.acquired if is_result else self._age.arrived(message).acquired
         stamp = seconds(message.header.stamp)
         if self._sequence is not None:
             gap = message.sequence - self._sequence - 1

@@ -194,7 +194,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._is_fed = True
         self._own.append(frame_key(result))
         self.attempt(self._look_for_others)
-        if self.is_usable(result, result.acquired):
+        if self.is_usable(result, is_result=True):
             self._wait_for_step(result)
 
     def end_feeding(self) -> None:

@@ -88,6 +88,44 @@ class PadShape:
         """Message with all its fields."""
         return self.make_message(self)
 
+    @classmethod
+    def of(cls, contact: PadContact, result: StreamedContact, method: str, solid_height: float) -> 'PadShape':
+        """Return the shape of a result.
+
+        Parameters
+        ----------
+        contact
+            Contacts in the taxel frame.
+        result
+            Recognised, fused and fitted contact.
+        method
+            Name of the recognition method.
+        solid_height
+            Height of the solid to add to the message [m]; 0 to add no solid.
+        """
+        fused, pattern, seen = result.fused.recognition, result.found.pattern, result.found.visibility
+        moments, fit, taxels = result.moments, result.fit, int(np.count_nonzero(result.found.pattern.mask))
+        pad_force, pad_force_is_bound = result.found.pad_force(moments)
+        of_fit: dict[str, Any] = {} if fit is None else {
+            'centre': fit.centre, 'angle': _angle_of(*_turn(fit)), 'symmetry': fit.symmetry,
+            'handedness': fit.handedness, 'dimension_names': fit.dimension_names, 'dimensions': fit.dimensions,
+            'dimension_is_bound': fit.is_bound, 'parameter_names': fit.parameter_names,
+            'standard_deviations': np.sqrt(fit.covariance.diagonal()).tolist()}
+        return cls(
+            header=contact.header, sequence=contact.sequence, left_out=contact.left_out, acquired=contact.acquired,
+            shape=number_of(fused.shape.value), class_name=fused.shape.value, confidence=single(fused.confidence),
+            probabilities=dict(zip((each.value for each in fused.probabilities),
+                                   array('f', fused.probabilities.values()))),
+            pad_seen=seen.pad_seen, taxels=taxels, hidden_taxels=seen.hidden_in_contact,
+            saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
+            saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge, contacts=pattern.contacts,
+            pitch=_pitch_of(_areas(result), taxels), force=moments.force, force_sd=moments.force_sd,
+            pad_force=pad_force, pad_force_is_bound=pad_force_is_bound, centre_of_pressure=moments.centre_of_pressure,
+            centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
+            centre_of_pressure_is_bound=moments.centre_of_pressure_is_bound, pressure_slope=moments.slope,
+            size_is_bound=moments.size_is_bound, motion=motion_message(result.motion, seconds(contact.header.stamp)),
+            make_message=partial(_message, contact, result, method, solid_height), **of_fit)
+
 
 #: fields that a message copies from a `PadShape`
 COPIED = ({each.name for each in fields(PadShape)} & set(ContactShape.get_fields_and_field_types())
@@ -104,44 +142,6 @@ def pad_shape_of(message: ContactShape, acquired: float = -math.inf) -> PadShape
         'centre': (place.x, place.y) if message.fit_valid else None, 'angle': fitted_angle(message)}
     return PadShape(**others, **{each.name: getattr(message, each.name) for each in fields(PadShape)
                                  if each.name not in others})
-
-
-def pad_shape(contact: PadContact, result: StreamedContact, method: str, solid_height: float) -> PadShape:
-    """Return the shape of a result.
-
-    Parameters
-    ----------
-    contact
-        Contacts in the taxel frame.
-    result
-        Recognised, fused and fitted contact.
-    method
-        Name of the recognition method.
-    solid_height
-        Height of the solid to add to the message [m]; 0 to add no solid.
-    """
-    fused, pattern, seen = result.fused.recognition, result.found.pattern, result.found.visibility
-    moments, fit, taxels = result.moments, result.fit, int(np.count_nonzero(result.found.pattern.mask))
-    pad_force, pad_force_is_bound = result.found.pad_force(moments)
-    of_fit: dict[str, Any] = {} if fit is None else {
-        'centre': fit.centre, 'angle': _angle_of(*_turn(fit)), 'symmetry': fit.symmetry, 'handedness': fit.handedness,
-        'dimension_names': fit.dimension_names, 'dimensions': fit.dimensions, 'dimension_is_bound': fit.is_bound,
-        'parameter_names': fit.parameter_names,
-        'standard_deviations': np.sqrt(fit.covariance.diagonal()).tolist()}
-    return PadShape(
-        header=contact.header, sequence=contact.sequence, left_out=contact.left_out, acquired=contact.acquired,
-        shape=number_of(fused.shape.value), class_name=fused.shape.value, confidence=single(fused.confidence),
-        probabilities=dict(zip((each.value for each in fused.probabilities),
-                               array('f', fused.probabilities.values()))),
-        pad_seen=seen.pad_seen, taxels=taxels, hidden_taxels=seen.hidden_in_contact,
-        saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
-        saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge, contacts=pattern.contacts,
-        pitch=_pitch_of(_areas(result), taxels), force=moments.force, force_sd=moments.force_sd, pad_force=pad_force,
-        pad_force_is_bound=pad_force_is_bound, centre_of_pressure=moments.centre_of_pressure,
-        centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
-        centre_of_pressure_is_bound=moments.centre_of_pressure_is_bound, pressure_slope=moments.slope,
-        size_is_bound=moments.size_is_bound, motion=motion_message(result.motion, seconds(contact.header.stamp)),
-        make_message=partial(_message, contact, result, method, solid_height), **of_fit)
 
 
 def contact_pitch(message: ContactShape) -> float:
