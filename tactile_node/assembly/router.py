@@ -2,13 +2,13 @@
 
 import logging
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 
 import can
 
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.free_bus import SLOW_BITRATE, FreeBus
 from tactile_node.assembly.pad_assembler import PadAssembler, TaxelFrames
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
@@ -16,8 +16,12 @@ from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.cia301.objects import service_of
 from tactile_node.skin.pads import PadSettings
+from tactile_node.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
+
+#: Function that receives the name of a pad and each of its taxel frames.
+OnFrame = Callable[[str, TaxelFrame], None]
 
 
 class Router:

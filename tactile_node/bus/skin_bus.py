@@ -11,9 +11,8 @@ import can
 
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.fault_text import node_label
-from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import BusFault, Failure
-from tactile_node.assembly.router import Router
+from tactile_node.assembly.router import OnFrame, Router
 from tactile_node.bus.bus_devices import BusDevices
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork

@@ -17,7 +17,6 @@ from rclpy.parameter import Parameter
 
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.fault_text import failure_of
-from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.conditioning.tare import tare_limit
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.node_graph import Role
@@ -35,6 +34,7 @@ from tactile_node.ros.parameters import declare, follow_changes, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import PrimaryState
+from tactile_node.sources.frame_source import FrameSource
 from tactile_node.taxel_frame import TaxelFrame
 
 #: Parameters read by configure: all parameters that are not live, except autostart and wait_at_start (read at startup).

@@ -10,9 +10,8 @@ import can
 
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.fault_text import node_label, order_text
-from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import BusFault, Failure
-from tactile_node.assembly.router import Router, non_data_kind
+from tactile_node.assembly.router import OnFrame, Router, non_data_kind
 from tactile_node.cia301.objects import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE
 from tactile_node.errors import DeviceError, LogError
 from tactile_node.logs.log_lines import OneBus

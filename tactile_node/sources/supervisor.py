@@ -15,8 +15,8 @@ from dataclasses import replace
 from typing import TypeVar
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import Failure, Outages
+from tactile_node.assembly.router import OnFrame
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.log_throttle import LogThrottle

@@ -3,14 +3,9 @@
 The driver node uses a bus or a log only through this interface.
 """
 
-from collections.abc import Callable
 from typing import Protocol
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.taxel_frame import TaxelFrame
-
-#: Function that receives the name of a pad and each of its taxel frames.
-OnFrame = Callable[[str, TaxelFrame], None]
 
 
 class FrameSource(Protocol):
