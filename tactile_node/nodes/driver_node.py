@@ -196,8 +196,9 @@ class DriverNode(StageNode, LifecycleNode):
         source.configure()
 
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
-        """Publish a taxel frame of a bus, on the chain thread."""
-        self._pads[pad].publish(frame)
+        """Condition and publish a taxel frame of a bus, on the chain thread."""
+        output = self._pads[pad]
+        output.publish(output.conditioned.feed(frame))
 
     def _replayed(self, pad: str, frame: TaxelFrame) -> None:
         """Publish a taxel frame of a log on the chain thread, while the thread of the log waits.

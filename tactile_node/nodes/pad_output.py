@@ -1,4 +1,4 @@
-"""Condition the taxel frames of one pad and publish them on `<pad>/taxels`."""
+"""Publish the taxel frames of one pad on `<pad>/taxels`."""
 
 import math
 import time
@@ -20,7 +20,7 @@ LOOK_PERIOD = 1.0  #: Time between two checks for other publishers [s].
 
 
 class PadOutput:
-    """Conditions the taxel frames of one pad, publishes them and passes them to the processor.
+    """Publishes the conditioned taxel frames of one pad, and passes them to the processor.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ class PadOutput:
                                                      is_mirrored=self._is_mirrored)
 
     def publish(self, frame: TaxelFrame) -> None:
-        """Condition a taxel frame, publish it and pass it on, on the chain thread."""
-        self._output.send(PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id))
+        """Publish a conditioned taxel frame and pass it on, on the chain thread."""
+        self._output.send(PadFrame.of(frame, self._taxels, self._frame_id))
 
     def _other_publishers(self) -> tuple[str, ...]:
         """Return the full names of the other nodes that publish on the same topic. The names are read once a second.
