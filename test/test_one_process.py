@@ -136,7 +136,7 @@ def test_function_calls_and_messages_give_the_same_results():
     publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
     with spinning((*nodes, peer)):
         until(lambda: publisher.get_subscription_count() and peer.count_subscribers('/left/contact')
-              and nodes[1]._shapes._publisher.is_wanted)
+              and nodes[1]._shapes.is_wanted)
         time.sleep(0.5)  # The processor's publisher and the classifier need time to discover each other.
         for number in range(1, 24):
             publisher.publish(taxel_array_message(pad_frame(number, **drawn(number))))

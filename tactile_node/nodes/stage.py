@@ -1,8 +1,8 @@
 """Stages of the processing chain: nodes that call each other in one process, and send messages between processes.
 
-The driver, the processors, the classifiers and the grasp node are stages. A `StageOutput` publishes each result. If the
-next stage runs in the same process, the output also calls the `StageInput` of that stage, on the chain thread.
-Otherwise the next stage subscribes to the topic, and its input posts each message to the chain of its own process.
+The driver, the processors, the classifiers and the grasp node are stages. A `StageOutput` is an `OnDemandPublisher`. If
+the next stage runs in the same process, the output also calls the `StageInput` of that stage, on the chain thread. A
+`StageInput` is a `GuardedSubscription`, which posts each message to the chain of its own process.
 """
 
 import math
@@ -65,10 +65,8 @@ class Stages:
         return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
 
 
-class StageOutput(Generic[Result]):
+class StageOutput(OnDemandPublisher[Any], Generic[Result]):
     """Output of a stage, which publishes results on a topic and passes them to the next stage of this process.
-
-    The output creates a message only while the topic has a subscriber. In a lossless replay, it always creates one.
 
     Parameters
     ----------
@@ -88,10 +86,8 @@ class StageOutput(Generic[Result]):
 
     def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
                  stages: Stages):
+        super().__init__(node, kind, topic, settings.qos, lossless=settings.lossless)
         self._make, self._stages = make, stages
-        self._publisher: OnDemandPublisher[Any] = OnDemandPublisher(node, kind, topic, settings.qos,
-                                                                    lossless=settings.lossless)
-        self.topic = self._publisher.topic  #: full name of the topic
 
     def send(self, result: Result) -> None:
         """Publish a result and pass it on, on the chain thread.
@@ -100,7 +96,7 @@ class StageOutput(Generic[Result]):
         counts it.
         """
         try:
-            self._publisher.publish(self._message, result)
+            self.publish(self._message, result)
         finally:
             if (reader := self._stages.input_of(self.topic)) is not None:
                 reader.feed(result)
@@ -110,7 +106,7 @@ class StageOutput(Generic[Result]):
         reader = self._stages.input_of(self.topic)
         if reader is not None:
             reader.end_feeding()
-        self._publisher.destroy()
+        self.destroy()
 
     def _message(self, result: Any) -> Any:
         message = self._make(result)
