@@ -82,7 +82,7 @@ def test_an_exception_over_a_batch_is_logged_and_neither_ends_the_reception_nor_
 
 def test_an_exception_of_the_assembler_is_logged_and_costs_one_call_alone(monkeypatch, caplog):
     bus = Clocked(monkeypatch, queue_limit=1)
-    free_bus = bus.queue._router.free_bus
+    free_bus = bus.queue._router._free_bus
     arrived = free_bus.arrived
     monkeypatch.setattr(free_bus, 'arrived', lambda *given: 1 / 0)
     bus.received(1.0)
@@ -158,8 +158,9 @@ class Clocked:
         bus = FreeBus(1_000_000)
         monkeypatch.setattr(bus, '_occupy', lambda until, seconds: self.spans.append(seconds))
         monkeypatch.setattr(bus, 'saw_frame', lambda stamp: self.spans.append(None))
-        router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None)
-        router.saw_other = partial(Router.saw_other, router)
+        router = SimpleNamespace(_free_bus=bus, feed=lambda *frame: None)
+        router._saw_other = partial(Router._saw_other, router)
+        router.feed_batch = partial(Router.feed_batch, router)
         monitor = BusMonitor([])
         self.queue = CanQueue(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True)
         self.begun = time.time() - 100.0

@@ -1,6 +1,7 @@
 """Use the times at which the bus is free to prove that no node is behind."""
 
 from math import inf
+from typing import NamedTuple
 
 from tactile_node.cia301.frame_bits import CanFrame, worst_case_bits
 
@@ -9,6 +10,14 @@ from tactile_node.cia301.frame_bits import CanFrame, worst_case_bits
 FREE_TIME = 0.006
 #: Bit rate assumed for a log [bit/s]. A log does not record how long its frames occupied the bus.
 SLOW_BITRATE = 125_000
+
+
+class BatchArrival(NamedTuple):
+    """The time in which the messages of a batch arrived."""
+
+    #: stamps between which all messages arrived [s]; None if the stamp of each message is its time of arrival
+    interval: tuple[float, float] | None
+    most_free: float  #: longest time for which the bus may have been free before the batch, on the steady clock [s]
 
 
 class FreeBus:

@@ -4,12 +4,12 @@ import time
 from collections import Counter
 from collections.abc import Collection
 from math import inf
-from typing import NamedTuple
 
 import can
 
+from tactile_node.assembly.free_bus import BatchArrival
 from tactile_node.assembly.health import BusFault
-from tactile_node.assembly.router import Router, non_data_kind
+from tactile_node.assembly.router import Router, StampedMessage, non_data_kind
 from tactile_node.bus.batch_reader import Batch
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import OnFailure
@@ -17,14 +17,6 @@ from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
-
-
-class BatchArrival(NamedTuple):
-    """The time in which the messages of a batch arrived."""
-
-    #: stamps between which all messages arrived [s]; None if the stamp of each message is its time of arrival
-    interval: tuple[float, float] | None
-    most_free: float  #: longest time for which the bus may have been free before the batch, on the steady clock [s]
 
 
 class CanQueue:
@@ -95,7 +87,7 @@ class CanQueue:
         is_gap = self._is_gap or batch.dropped > 0
         self._is_gap = True  # there is a gap, unless this batch gets into the queue
         self.overruns += batch.dropped
-        stamped = []
+        stamped: list[StampedMessage] = []
         for message in batch.messages:
             kind = non_data_kind(message)
             self._observe(message, kind)
@@ -118,17 +110,10 @@ class CanQueue:
         lead = self.clock.now() - time.monotonic()
         return BatchArrival((after + lead, until + lead), most_free)
 
-    def _feed(self, stamped: list[tuple[can.Message, str | None, float]], arrival: BatchArrival) -> None:
-        """Feed the messages of a batch, with their kinds and stamps, to the router, on the chain thread."""
+    def _feed(self, stamped: list[StampedMessage], arrival: BatchArrival) -> None:
+        """Feed the messages of a batch to the router, on the chain thread."""
         self._fed += len(stamped)
-        for message, kind, stamp in stamped:
-            after, until = arrival.interval or (stamp, stamp)
-            if not message.is_error_frame:
-                self._router.free_bus.arrived(after, until, arrival.most_free)
-            if kind is None:
-                self._router.feed(message.arbitration_id, bytes(message.data), stamp, after)
-            else:
-                self._router.saw_other(message, stamp)
+        self._router.feed_batch(stamped, arrival)
 
     def _observe(self, message: can.Message, kind: str | None) -> None:
         """Feed a message to the monitor, count it if it has no data, and report bus-off."""
