@@ -30,6 +30,7 @@ from tactile_node.nodes.stage import Stages
 from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, masks_faulty, skin_responses
+from tactile_node.ros.contact_messages import PadFrame
 from tactile_node.ros.parameters import declare, follow_changes, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
@@ -179,7 +180,7 @@ class DriverNode(StageNode, LifecycleNode):
             outputs[pad.name] = output = PadOutput(
                 self, pad, frame_id, conditioned[pad.name], settings, self._stages,
                 layer=responses[pad.name].layer if pad.name in responses else None)
-            self._owned.append(output.destroy)
+            self._owned.append(output.end)
             if settings.replay and settings.lossless and not output.is_answered:
                 raise _not_answered(pad.name)
         self._pads = outputs  # replaced in one assignment, because the executor may publish the state at any time
@@ -198,7 +199,7 @@ class DriverNode(StageNode, LifecycleNode):
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
         """Condition and publish a taxel frame of a bus, on the chain thread."""
         output = self._pads[pad]
-        output.publish(output.conditioned.feed(frame))
+        output.send(PadFrame.of(output.conditioned.feed(frame), output.taxels, output.frame_id))
 
     def _replayed(self, pad: str, frame: TaxelFrame) -> None:
         """Publish a taxel frame of a log on the chain thread, while the thread of the log waits.

@@ -1,4 +1,4 @@
-"""Publish the taxel frames of one pad on `<pad>/taxels`."""
+"""The output of the driver for one pad."""
 
 import math
 import time
@@ -13,14 +13,13 @@ from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings
-from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
 
 LOOK_PERIOD = 1.0  #: Time between two checks for other publishers [s].
 
 
-class PadOutput:
-    """Publishes the conditioned taxel frames of one pad, and passes them to the processor.
+class PadOutput(StageOutput[PadFrame]):
+    """Publishes the taxel frames of one pad on `<pad>/taxels`, and knows the condition of the pad.
 
     Parameters
     ----------
@@ -42,15 +41,14 @@ class PadOutput:
 
     def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,
                  settings: DriverSettings, stages: Stages, layer: Layer | None = None):
+        super().__init__(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, stages)
         self.conditioned = conditioned
         self._is_mirrored = pad.layout.is_mirrored
         self.unit = pad.layout.value.unit
-        self._taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
-        self._frame_id = frame_id
-        self._node = node
-        self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, stages)
+        self.taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
+        self.frame_id = frame_id
         #: True if all stages up to the classifier run in this process
-        self.is_answered = stages.is_complete(self._output.topic)
+        self.is_answered = stages.is_complete(self.topic)
         self._others: tuple[str, ...] = ()
         self._looked = -math.inf
 
@@ -60,10 +58,6 @@ class PadOutput:
         return self.conditioned.condition._replace(other_publishers=self._other_publishers(),
                                                      is_mirrored=self._is_mirrored)
 
-    def publish(self, frame: TaxelFrame) -> None:
-        """Publish a conditioned taxel frame and pass it on, on the chain thread."""
-        self._output.send(PadFrame.of(frame, self._taxels, self._frame_id))
-
     def _other_publishers(self) -> tuple[str, ...]:
         """Return the full names of the other nodes that publish on the same topic. The names are read once a second.
 
@@ -72,13 +66,9 @@ class PadOutput:
         now = time.monotonic()
         if now - self._looked >= LOOK_PERIOD:
             self._looked = now
-            names = publisher_names(self._node, self._output.topic)
+            names = publisher_names(self._node, self.topic)
             own = self._node.get_fully_qualified_name()
             if names:  # one of the names belongs to this node, even if ROS has not discovered the node's own name yet
                 names.remove(own if own in names else names[0])
             self._others = tuple(names)
         return self._others
-
-    def destroy(self) -> None:
-        """Stop publishing."""
-        self._output.end()
