@@ -106,7 +106,8 @@ class GuardedSubscription(Generic[Message]):
         self.publishers = 0
         self.acquired = -math.inf
         self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
-        self._subscription: Subscription | None = self._subscribe()
+        self._subscription: Subscription | None = None  # a message may arrive before the next line has ended
+        self._subscription = self._subscribe()
 
     @property
     def counts(self) -> MessageCounts:
