@@ -181,7 +181,7 @@ class DriverNode(StageNode, LifecycleNode):
                 self, pad, frame_id, conditioned[pad.name], settings, self._stages,
                 layer=responses[pad.name].layer if pad.name in responses else None)
             self._owned.append(output.end)
-            if settings.replay and settings.lossless and not output.is_answered:
+            if settings.replay and settings.lossless and not self._stages.is_complete(output.topic):
                 raise _not_answered(pad.name)
         self._pads = outputs  # replaced in one assignment, because the executor may publish the state at any time
         saving = serve_faults(self, settings.faulty_taxels_file,

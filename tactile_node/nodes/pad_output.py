@@ -47,8 +47,6 @@ class PadOutput(StageOutput[PadFrame]):
         self.unit = pad.layout.value.unit
         self.taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
         self.frame_id = frame_id
-        #: True if all stages up to the classifier run in this process
-        self.is_answered = stages.is_complete(self.topic)
         self._others: tuple[str, ...] = ()
         self._looked = -math.inf
 
