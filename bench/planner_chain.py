@@ -9,7 +9,7 @@ from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.ros.contact_messages import PadContact, PadFrame
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message
-from tactile_node.ros.shape_messages import pad_shape
+from tactile_node.ros.shape_messages import PadShape, pad_shape_of
 from tactile_node.shape.methods import make_recogniser
 from tactile_node.taxel_frame import NO_SIDE, SkinSide, TaxelFrame, TaxelStatus
 from tactile_skin.msg import ContactShape, Grasp
@@ -26,14 +26,15 @@ class _Pad:
         self._name, self._taxels, self._pipeline = name, taxels, ContactPipeline(recogniser)
         self._sequence = 0
 
-    def shape(self, values: np.ndarray, now: float) -> ContactShape:
+    def shape(self, values: np.ndarray, now: float) -> PadShape:
         status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
         self._sequence += 1
         frame = PadFrame.of(TaxelFrame(EPOCH + now, self._sequence, values, status, 0), self._taxels,
                             f'{self._name}_pad')
         found = self._pipeline.find(frame.values, frame.taxels)
-        result = self._pipeline.recognise(PadContact.of(frame, found).found, EPOCH + now)
-        return pad_shape(frame, result, 'learned', 0.0).message
+        contact = PadContact.of(frame, found)
+        result = self._pipeline.recognise(contact.found, EPOCH + now)
+        return PadShape.of(contact, result, 'learned', 0.0)
 
 
 class PlannerChain:
@@ -45,7 +46,7 @@ class PlannerChain:
         self._pads = {side: _Pad(side, taxels, recogniser) for side in SIDES}
         self._gripper = gripper
         self._tracker = GraspTracker(GraspSettings(self._gripper))
-        self._latest = {side: ContactShape() for side in SIDES}
+        self._latest = {side: pad_shape_of(ContactShape()) for side in SIDES}
         self._times = dict.fromkeys(SIDES, -np.inf)
 
     def grasp(self, values: dict[str, np.ndarray], gap: float, now: float) -> Grasp:

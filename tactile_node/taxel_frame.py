@@ -3,6 +3,7 @@
 The module also defines the thresholds at which a taxel counts as pressed.
 """
 
+import math
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
@@ -74,6 +75,8 @@ class TaxelFrame(NamedTuple):
     status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
     missing_can_frames: int  #: number of TPDOs of this period whose values are missing from the frame
     tpdo_ages: TpdoAges | None = None  #: None if all values come from one sweep
+    #: the moment of ``stamp`` on the steady clock [s], which the source of the frame adds; -inf if not known
+    acquired: float = -math.inf
 
     @property
     def has_value(self) -> np.ndarray:

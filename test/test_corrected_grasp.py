@@ -23,7 +23,8 @@ from examples.simulated_gripper.hand_interface import frames
 from examples.simulated_gripper.items import ITEMS, PAD_HEIGHT
 from examples.simulated_gripper.model import MAX_GAP
 from examples.simulated_gripper.world import SIDES, Outcome, World, random_place
-from tactile_node.grasp.gripper import Gripper, PadPose, Transform
+from tactile_node.grasp.frame_tree import Transform
+from tactile_node.grasp.gripper import Gripper, PadPose
 
 pytestmark = pytest.mark.ros
 

@@ -135,9 +135,9 @@ def test_the_state_can_be_looked_at_while_the_driver_is_released(chain):
     chain.node.trigger_configure()
     output, = chain.node._pads.values()
     output._looked = -np.inf
-    output.destroy()
+    output.end()
     assert output.condition.other_publishers == ()
-    chain.node._owned.remove(output.destroy)
+    chain.node._owned.remove(output.end)
 
 
 def test_a_report_that_fails_ends_nothing(chain, monkeypatch):

@@ -18,7 +18,7 @@ from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import sides_message
 from tactile_node.ros.message_age import age_message, age_seconds
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.shape_messages import PadShape
+from tactile_node.ros.shape_messages import pad_shape_of
 from tactile_node.ros.time_messages import time_message
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
@@ -121,7 +121,7 @@ def test_the_waiting_shapes_of_both_pads_are_one_grasp_if_their_ages_are_known(m
 
     def accept_both() -> None:
         for side in BOTH:
-            gripper.node.accept(side, PadShape(copy.copy(gripper.message(side))), since - age)
+            gripper.node.accept(side, pad_shape_of(copy.copy(gripper.message(side)), since - age))
 
     gripper.node._stages.chain.post(accept_both)
     gripper.wait(PERIOD)

@@ -111,8 +111,8 @@ def test_an_object_that_is_taken_away_is_gone_within_0_3_s():
     found = [stream.update(mask, 0.02 * number) for number, mask in enumerate(masks)]
     assert found[49].fused.recognition.shape is Shape.SQUARE
     for each in found[65:112]:
-        assert each.fused.recognition.reason is UnknownReason.NOT_SEEN and not each.contact.contacts
-    assert found[-1].fused.recognition.shape is Shape.NONE and found[-1].contact.pad_seen
+        assert each.fused.recognition.reason is UnknownReason.NOT_SEEN and not each.found.pattern.contacts
+    assert found[-1].fused.recognition.shape is Shape.NONE and found[-1].found.pattern.pad_seen
 
 
 RESTING = {'beyond it': box(9, 9, 4, 4), 'twice what was left': box(6, 6, 5, 5), 'beside it': box(12, 1, 3, 4)}

@@ -133,7 +133,7 @@ def test_a_stream_reports_an_unseen_frame_and_keeps_its_knowledge():
     hidden = [stream.update(unseen, 0.4 + 0.02 * k) for k in range(5)][-1]
     after = stream.update(SQUARE, 0.5)
     assert (hidden.fused.recognition.shape, hidden.fused.recognition.reason.name) == (tn.Shape.UNKNOWN, 'NOT_SEEN')
-    assert hidden.fused.held == 0 and hidden.fit is None and not hidden.contact.pad_seen
+    assert hidden.fused.held == 0 and hidden.fit is None and not hidden.found.pattern.pad_seen
     assert after.fused.recognition.shape is before.fused.recognition.shape is tn.Shape.SQUARE
     assert after.fused.recognition.confidence > 0.9 * before.fused.recognition.confidence and after.fused.frames == 1
 

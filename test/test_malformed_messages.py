@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.type_hash import TypeHash
@@ -58,7 +58,7 @@ from tactile_node.ros.message_checks import (
 from tactile_node.ros.message_health import MessageCounts, StreamFault, StreamHealth, health_status
 from tactile_node.ros.motion_messages import check_contact_event, event_message
 from tactile_node.ros.qos import frames_qos
-from tactile_node.ros.shape_messages import pad_shape
+from tactile_node.ros.shape_messages import PadShape, pad_shape_of
 from tactile_node.ros.source_guard import SOURCE_HOLD
 from tactile_node.ros.time_messages import duration_message, time_message
 from tactile_node.shape.fusion import FusedRecognition, RecognitionFusion
@@ -106,11 +106,14 @@ def good_contact(sequence=0) -> Contact:
 def good_shape(sequence=0) -> ContactShape:
     contact = good_contact(sequence)
     frame = Recognition.of({Shape.SQUARE: 0.75, Shape.UNKNOWN: 0.25})
-    found = pad_contact_of(contact).found
+    received = pad_contact_of(contact)
+    found = received.found
     fit = fit_shape(found.pattern.values, found.pattern.mask, Shape.SQUARE, PITCH)
     fused = FusedRecognition(frame, STAMP, 1.5, 30)
-    result = StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
-    return pad_shape(pad_frame_of(contact), result, 'learned', 0.0).message
+    result = StreamedContact(frame, fused, fit, found, found.moments, Motion())
+    message = PadShape.of(received, result, 'learned', 0.0).message
+    message.age = Duration()
+    return message
 
 
 def good_event(sequence=0) -> ContactEvent:
@@ -120,7 +123,7 @@ def good_event(sequence=0) -> ContactEvent:
 
 
 def good_grasp(sequence=0) -> Grasp:
-    tracker, side = GraspTracker(), good_shape(sequence)
+    tracker, side = GraspTracker(), pad_shape_of(good_shape(sequence))
     opening = Opening(0.04, GapSource.PARAMETER, 1.0)
     tracker.update('left', side_result(side, 5.0), now=5.0)
     tracker.update('right', side_result(side, 5.0), now=5.0)
@@ -639,9 +642,9 @@ def test_an_exception_is_counted_and_logged_once_with_its_traceback(chain, caplo
             publisher.publish(TaxelArray())
         chain.until(lambda: subscription.counts.received == 20)
     assert subscription.counts == MessageCounts(20, 0, {R.PROCESSING_FAILED: 10, R.NO_TAXELS: 10})
-    logged = {record.args[1]: record for record in caplog.records if record.name.endswith('message_guard')}
+    logged = {record.args[1]: record for record in caplog.records if record.name.endswith('guarded_subscription')}
     assert sorted(logged) == ['no_taxels', 'processing_failed']
-    assert len([record for record in caplog.records if record.name.endswith('message_guard')]) == 2
+    assert len([record for record in caplog.records if record.name.endswith('guarded_subscription')]) == 2
     assert logged['processing_failed'].exc_info[0] is ZeroDivisionError and not logged['no_taxels'].exc_info
 
 

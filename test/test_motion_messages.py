@@ -19,6 +19,7 @@ from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.grasp_messages import grasp_message, side_result
 from tactile_node.ros.message_age import age_message, age_seconds
 from tactile_node.ros.motion_messages import check_contact_event, check_motion, motion_message
+from tactile_node.ros.shape_messages import pad_shape_of
 from tactile_node.ros.time_messages import time_message
 from tactile_node.viewing.states import moving_words
 from tactile_skin.msg import ContactEvent, ContactMotion
@@ -55,10 +56,10 @@ class Held:
             for name, side, moves in zip(('left', 'right'), sides, (motion, Motion(Moving.STILL))):
                 side.header.stamp = time_message(STAMP + self.now)
                 side.motion = motion_message(moves, STAMP)
-                self._tracker.update(name, side_result(side, self.now - AGE), self.now)
+                self._tracker.update(name, side_result(pad_shape_of(side), self.now - AGE), self.now)
         self.now += later
-        message = grasp_message(self._tracker.state(self.now), sides, UNKNOWN_OPENING, 'gripper', (AGE + later,) * 2,
-                                Gripper())
+        message = grasp_message(self._tracker.state(self.now), [*map(pad_shape_of, sides)], UNKNOWN_OPENING, 'gripper',
+                                (AGE + later,) * 2, Gripper())
         assert check_grasp(message) is None
         return message
 

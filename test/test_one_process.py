@@ -22,7 +22,7 @@ from examples.demo.topics import frame_topics
 from tactile_node.chain import Step
 from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import bus_nodes
-from tactile_node.nodes import message_guard
+from tactile_node.nodes import guarded_subscription
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.processor_node import MOST_WAITING, ProcessorNode
@@ -80,18 +80,19 @@ class Process:
         """Pass a frame of each pad to the processors on the chain thread, as the driver does."""
         self.sequence += 1
         for pad in pads:
-            self.chain.post(self.input(f'/{pad}/processor').feed, pad_frame(self.sequence, **drawn), time.monotonic())
+            self.chain.post(self.input(f'/{pad}/processor').feed, pad_frame(self.sequence, **drawn))
 
 
-def pad_frame(sequence, press=True, up=0, saturated=False):
-    """Return a frame of a pad whose finger ends at the first row.
+def pad_frame(sequence, press=True, up=0, saturated=False, acquired=None):
+    """Return a frame of a pad whose finger ends at the first row, by default acquired now.
 
     ``up`` is the number of rows by which the contact is moved towards that end. With ``saturated``, all pressed taxels
     are at the end of their range.
     """
     values = 50e3 * (np.roll(PRESS, -up, 0) > 0) * press + np.random.default_rng(sequence).normal(0, 200, PRESS.shape)
     status = np.where(saturated & (values > 25e3), TaxelStatus.SATURATED, TaxelStatus.VALID).astype(np.uint8)
-    frame = TaxelFrame(1.7e9 + PERIOD * sequence, sequence, values, status, 0)
+    frame = TaxelFrame(1.7e9 + PERIOD * sequence, sequence, values, status, 0,
+                       acquired=time.monotonic() if acquired is None else acquired)
     return PadFrame.of(frame, Taxels(0.004, 'Pa', finger_ends=SkinSide.FIRST_ROW), 'pad')
 
 
@@ -135,7 +136,7 @@ def test_function_calls_and_messages_give_the_same_results():
     publisher = peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
     with spinning((*nodes, peer)):
         until(lambda: publisher.get_subscription_count() and peer.count_subscribers('/left/contact')
-              and nodes[1]._shapes._publisher.is_wanted)
+              and nodes[1]._shapes.is_wanted)
         time.sleep(0.5)  # The processor's publisher and the classifier need time to discover each other.
         for number in range(1, 24):
             publisher.publish(taxel_array_message(pad_frame(number, **drawn(number))))
@@ -156,7 +157,7 @@ def test_each_of_two_frames_that_wait_together_has_its_own_age():
         until(lambda: (process.send(['left']), time.sleep(PERIOD), len(contacts) > 0)[-1])
         go, sent, apart = blocked(process.chain), process.sequence, 1000.0
         for number, before in ((1, apart), (2, 0.0)):
-            process.chain.post(taxels.feed, pad_frame(sent + number), time.monotonic() - before)
+            process.chain.post(taxels.feed, pad_frame(sent + number, acquired=time.monotonic() - before))
         go.set()
         until(lambda: contacts[-1].sequence == sent + 2)
     first, second = (age_seconds(message.age) for message in contacts[-2:])
@@ -188,16 +189,17 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
 def test_gaps_in_function_calls_do_not_read_the_message_types_again(ros, monkeypatch):
     """With drop_incomplete on a lossy bus, most results may follow a gap. Reading the types takes 0.14 ms."""
     reads, results, clock, bench = [], [], VirtualTime(), RosBench(ros)
-    monkeypatch.setattr(message_guard, 'publishers_of_other_type', lambda node, topic: reads.append(clock.now()) or ())
+    monkeypatch.setattr(guarded_subscription, 'publishers_of_other_type',
+                        lambda node, topic: reads.append(clock.now()) or ())
     stages, reader = Stages(), bench.add('reader')
     ros.callback(stages.chain.stop, TIMEOUT)
-    stage = StageInput(reader, TaxelArray, 'taxels', lambda frame, acquired: results.append(frame), ReceiverSettings(),
-                       check=check_taxel_array, parse=pad_frame_of, stages=stages, steady=clock.now)
+    stage = StageInput(reader, TaxelArray, 'taxels', results.append, ReceiverSettings(), check=check_taxel_array,
+                       parse=pad_frame_of, stages=stages, steady=clock.now)
 
     def feed(numbers):
         for number in numbers:
             clock.advance(3 * PERIOD)
-            stage.feed(pad_frame(3 * number), clock.now())
+            stage.feed(pad_frame(3 * number, acquired=clock.now()))
     for publishers in (1, 2):
         reader.create_publisher(TaxelArray, 'taxels', 1)
         bench.until(lambda count=publishers: reader.count_publishers('taxels') == count)
@@ -210,9 +212,9 @@ def test_an_exception_of_a_stage_is_counted_and_the_other_stages_continue(monkey
     with Process() as process:
         failing, good = process.input('/left/classifier'), process.input('/right/classifier')
 
-        def fail(contact, acquired):
+        def fail(contact):
             raise ValueError('a stage that raises')
-        monkeypatch.setattr(failing, '_accept', fail)
+        monkeypatch.setattr(failing, '_callback', fail)
         for _ in range(10):
             process.send()
             time.sleep(PERIOD)
@@ -228,16 +230,16 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
     """The processor keeps only the two newest frames, and the classifier only the newest contact."""
     with Process() as process:
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
-        accept, begun, go = stage._accept, threading.Event(), threading.Event()
+        accept, begun, go = stage._callback, threading.Event(), threading.Event()
 
-        def block(contact, acquired):
+        def block(contact):
             begun.set()
             assert go.wait(TIMEOUT)
-            accept(contact, acquired)
-        monkeypatch.setattr(stage, '_accept', block)
+            accept(contact)
+        monkeypatch.setattr(stage, '_callback', block)
         process.send()
         assert begun.wait(TIMEOUT)
-        monkeypatch.setattr(stage, '_accept', accept)
+        monkeypatch.setattr(stage, '_callback', accept)
         for _ in range(40):
             process.send()
         go.set()
@@ -271,11 +273,11 @@ def test_the_older_contact_of_two_waiting_pads_is_processed_first():
     answered = []
     with Process() as process:
         for pad in ('left', 'right'):
-            process.input(f'/{pad}/classifier')._accept = (
-                lambda each, acquired, pad=pad: answered.append((pad, each.sequence)))
+            process.input(f'/{pad}/classifier')._callback = (
+                lambda each, pad=pad: answered.append((pad, each.sequence)))
         go = blocked(process.chain)
         for pad, sequence in (('left', 2), ('right', 1)):
-            process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(sequence), PERIOD * sequence)
+            process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(sequence, acquired=PERIOD * sequence))
         go.set()
         assert process.chain.wait_until_idle(TIMEOUT)
     assert answered == [('right', 1), ('left', 2)]
@@ -290,10 +292,10 @@ def test_messages_for_viewers_follow_the_shapes_of_both_pads():
     with Process() as process:
         go = blocked(process.chain)
         for pad, acquired in (('left', PERIOD), ('right', PERIOD + 3e-6)):
-            process.input(f'/{pad}/classifier')._accept = lambda each, acquired, pad=pad: made.append(f'shape of {pad}')
+            process.input(f'/{pad}/classifier')._callback = lambda each, pad=pad: made.append(f'shape of {pad}')
             process.nodes[f'/{pad}/processor']._views = SimpleNamespace(
                 is_wanted=True, publish=lambda contact, pad=pad: made.append(f'images of {pad}'))
-            process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(1), acquired)
+            process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(1, acquired=acquired))
         go.set()
         assert process.chain.wait_until_idle(TIMEOUT)
     assert made == ['shape of left', 'shape of right', 'images of left', 'images of right']
@@ -426,10 +428,10 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
     system, begun, go = replaying(tmp_path / 'long.log'), threading.Event(), threading.Event()
     stage = next(node for node in system.nodes if node.get_name() == 'classifier')._contacts
 
-    def block(contact, acquired):
+    def block(contact):
         begun.set()
         go.wait(TIMEOUT)
-    monkeypatch.setattr(stage, '_accept', block)
+    monkeypatch.setattr(stage, '_callback', block)
     with spinning(system.nodes):
         system.autostart(threading.Event())
         assert begun.wait(TIMEOUT)

@@ -5,7 +5,8 @@ from math import atan2, cos, inf, isnan, nan, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from tactile_node.grasp.gripper import FrameTree, Gripper, PadPose, Transform, contact_line, rotation_matrix
+from tactile_node.grasp.frame_tree import FrameTree, Transform
+from tactile_node.grasp.gripper import Gripper, PadPose, contact_line, rotation_matrix
 from tactile_node.grasp.opening import is_plausible
 
 # When the gripper is closed, the skins of two 16x16 pads with 2 mm pitch touch. The left pad faces along z. The right

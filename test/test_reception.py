@@ -16,15 +16,16 @@ import pytest
 from can_bench import serial_line
 from waiting import wait_until
 
+from tactile_node.assembly.free_bus import FreeBus
 from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router
-from tactile_node.bus import traffic as traffic_module
+from tactile_node.bus import can_queue
 from tactile_node.bus.batch_reader import MOST_IN_BATCH, Batch, BatchReader
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork
+from tactile_node.bus.can_queue import CanQueue
 from tactile_node.bus.open_bus import open_bus
 from tactile_node.bus.sync_producer import SyncPause, SyncProducer
-from tactile_node.bus.traffic import Traffic
 from tactile_node.viewing.node_record import BusRecord
 
 pytestmark = pytest.mark.bus
@@ -81,16 +82,16 @@ def test_an_exception_over_a_batch_is_logged_and_neither_ends_the_reception_nor_
 
 def test_an_exception_of_the_assembler_is_logged_and_costs_one_call_alone(monkeypatch, caplog):
     bus = Clocked(monkeypatch, queue_limit=1)
-    free_bus = bus.traffic._router.free_bus
-    was_unobserved = free_bus.was_unobserved
-    monkeypatch.setattr(free_bus, 'was_unobserved', lambda *given: 1 / 0)
+    free_bus = bus.queue._router._free_bus
+    arrived = free_bus.arrived
+    monkeypatch.setattr(free_bus, 'arrived', lambda *given: 1 / 0)
     bus.received(1.0)
     done = threading.Event()
-    bus.traffic.chain.post(done.set)
+    bus.queue.chain.post(done.set)
     assert done.wait(60) and 'ZeroDivisionError' in caplog.text and 'Traceback' in caplog.text
-    monkeypatch.setattr(free_bus, 'was_unobserved', was_unobserved)
+    monkeypatch.setattr(free_bus, 'arrived', arrived)
     assert wait_until(bus.received(2.0))
-    assert bus.traffic.overruns == 0  # The queue accepts messages again.
+    assert bus.queue.overruns == 0  # The queue accepts messages again.
 
 
 def test_a_batch_that_was_lost_by_an_exception_leaves_a_gap(monkeypatch):
@@ -98,7 +99,7 @@ def test_a_batch_that_was_lost_by_an_exception_leaves_a_gap(monkeypatch):
     bus = Clocked(monkeypatch)
     assert wait_until(bus.received(1.0))
     with monkeypatch.context() as patch:
-        patch.setattr(bus.traffic._monitor, 'feed', lambda *frame: 1 / 0)
+        patch.setattr(bus.queue._monitor, 'feed', lambda *frame: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             bus.received(1.2)
     assert wait_until(bus.received(1.3))
@@ -134,10 +135,10 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
     After the omitted SYNCs, the driver omits none for a while.
     """
     router = SimpleNamespace(is_in_doubt=False, sync=lambda stamp: None)
-    traffic = Traffic(router, None, None, polled=(), queue_limit=9, is_host_stamped=True)
+    queue = CanQueue(router, None, None, polled=(), queue_limit=9, is_host_stamped=True)
     sent = []
     network = SimpleNamespace(send_message=lambda *args, **kwargs: sent.append(number))
-    producer = SyncProducer(0.02, 0x80, lambda: network, traffic, router, None)
+    producer = SyncProducer(0.02, 0x80, lambda: network, queue, router, None)
     for number in range(24):
         router.is_in_doubt = number >= 10
         producer.send()
@@ -146,23 +147,24 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
 
 
 class Clocked:
-    """A Traffic object whose steady clock is set by the test.
+    """A CanQueue whose steady clock is set by the test.
 
     For each CAN frame, the object records how long before the frame the bus was not provably free.
     """
 
     def __init__(self, monkeypatch, queue_limit=99):
         self.spans, self.steady = [], 1000.0
-        monkeypatch.setattr(traffic_module, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
-        bus = SimpleNamespace(was_unobserved=lambda until, seconds: self.spans.append(seconds),
-                              saw_frame=lambda stamp: self.spans.append(None),
-                              saw_error=self.spans.append)
-        router = SimpleNamespace(free_bus=bus, feed=lambda *frame: None)
-        router.saw_other = partial(Router.saw_other, router)
+        monkeypatch.setattr(can_queue, 'time', SimpleNamespace(monotonic=lambda: self.steady, time=time.time))
+        bus = FreeBus(1_000_000)
+        monkeypatch.setattr(bus, '_occupy', lambda until, seconds: self.spans.append(seconds))
+        monkeypatch.setattr(bus, 'saw_frame', lambda stamp: self.spans.append(None))
+        router = SimpleNamespace(_free_bus=bus, feed=lambda *frame: None)
+        router._saw_other = partial(Router._saw_other, router)
+        router.feed_batch = partial(Router.feed_batch, router)
         monitor = BusMonitor([])
-        self.traffic = Traffic(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True)
+        self.queue = CanQueue(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True)
         self.begun = time.time() - 100.0
-        self.traffic.begin()
+        self.queue.begin()
 
     def received(self, *stamps, steady=None, spans=None, dropped=0, **kind):
         """Receive messages stamped ``stamps`` seconds after the beginning and read ``steady`` seconds after it.
@@ -171,34 +173,34 @@ class Clocked:
         """
         self.steady = 1000.0 + (stamps[-1] if steady is None else steady)
         expected = len(self.spans) + (len(stamps) if spans is None else spans)
-        self.traffic.received(Batch([can.Message(self.begun + stamp, 0x1A0, kind.pop('extended', False), **kind)
+        self.queue.received(Batch([can.Message(self.begun + stamp, 0x1A0, kind.pop('extended', False), **kind)
                                      for stamp in stamps], dropped=dropped))
         return lambda: len(self.spans) == expected
 
     def seen(self):
-        self.traffic.end(10.0)
+        self.queue.end(10.0)
         return [span if span is None else round(span, 3) for span in self.spans]
 
 
 def test_a_bus_that_was_closed_or_not_read_was_not_free(monkeypatch):
     bus, held = Clocked(monkeypatch, queue_limit=2), threading.Event()
     assert wait_until(bus.received(5.0)) and wait_until(bus.received(6.0, 6.1))
-    bus.traffic.chain.post(held.wait)
+    bus.queue.chain.post(held.wait)
     whole = bus.received(6.2, 6.3)
     bus.received(6.4)  # The queue is full, so this message is dropped.
     held.set()
     assert wait_until(whole) and wait_until(bus.received(8.0)) and wait_until(bus.received(8.5))
-    bus.traffic.end(1.0)
-    bus.traffic.begin()
+    bus.queue.end(1.0)
+    bus.queue.begin()
     assert wait_until(bus.received(9.0))
-    assert bus.seen() == [inf, 0.0, 0.0, 0.0, 0.0, 1.7, 0.0, 0.5] and bus.traffic.overruns == 1
+    assert bus.seen() == [inf, 0.0, 0.0, 0.0, 0.0, 1.7, 0.0, 0.5] and bus.queue.overruns == 1
 
 
 def test_frames_dropped_by_the_kernel_are_counted_and_leave_a_gap_around_their_batch(monkeypatch):
     bus = Clocked(monkeypatch)
     for stamp, dropped in ((1.0, 0), (1.1, 0), (1.3, 2), (1.4, 0), (1.5, 0)):
         assert wait_until(bus.received(stamp, dropped=dropped))
-    assert bus.seen() == [inf, 0.0, 0.2, 0.1, 0.0] and bus.traffic.overruns == 2
+    assert bus.seen() == [inf, 0.0, 0.2, 0.1, 0.0] and bus.queue.overruns == 2
 
 
 @pytest.mark.skipif(sys.platform != 'linux', reason='only Linux reports the drops of a socket')
@@ -222,13 +224,13 @@ def test_the_drops_of_a_socket_are_counted_once_and_logged(caplog):
 
 def test_a_frame_without_room_in_the_queue_is_counted_once(monkeypatch):
     bus, held = Clocked(monkeypatch, queue_limit=1), threading.Event()
-    bus.traffic.chain.post(held.wait)
+    bus.queue.chain.post(held.wait)
     for kind in ({}, {'extended': True}, {'is_error_frame': True}, {}):
         bus.received(5.0, **kind)
-    counted = bus.traffic.overruns, dict(bus.traffic.others)  # also while the chain hangs
+    counted = bus.queue.overruns, dict(bus.queue.others)  # also while the chain hangs
     held.set()
     bus.seen()
-    assert counted == (bus.traffic.overruns, dict(bus.traffic.others)) == (1, {'foreign': 1, 'error': 1})
+    assert counted == (bus.queue.overruns, dict(bus.queue.others)) == (1, {'foreign': 1, 'error': 1})
 
 
 def test_a_clock_that_is_set_forward_does_not_count_as_a_free_bus(monkeypatch):
@@ -257,9 +259,9 @@ WIRE_BITS = [({'is_extended_id': False, 'data': bytes(8)}, 98 + 24 + 13),
 @pytest.mark.parametrize(('kind', 'bits'), WIRE_BITS)
 def test_the_live_bus_load_counts_every_frame_on_the_wire_as_the_report_does(kind, bits):
     monitor, record = BusMonitor([32]), BusRecord(1_000_000)
-    traffic = Traffic(SimpleNamespace(), monitor, None, polled=(), queue_limit=99, is_host_stamped=True)
+    queue = CanQueue(SimpleNamespace(), monitor, None, polled=(), queue_limit=99, is_host_stamped=True)
     messages = [can.Message(timestamp=100.0 + stamp, arbitration_id=0x1A0, **kind) for stamp in (0.1, 0.2, 1.5)]
-    traffic.received(Batch([*messages, can.Message(timestamp=101.6, is_error_frame=True)]))
+    queue.received(Batch([*messages, can.Message(timestamp=101.6, is_error_frame=True)]))
     for message in messages:
         record.feed(message)
     assert monitor.bits == 3 * bits

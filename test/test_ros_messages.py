@@ -12,6 +12,7 @@ from tactile_node.grasp.tracker import GraspTracker, SideState
 from tactile_node.helmholtz.features import Extremes, Features, Group, compute_features
 from tactile_node.pose.events import Motion
 from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
+from tactile_node.ros import grasp_messages
 from tactile_node.ros.contact_messages import (
     PadContact,
     PadFrame,
@@ -23,10 +24,9 @@ from tactile_node.ros.contact_messages import (
     taxel_values,
 )
 from tactile_node.ros.grasp_checks import check_grasp
-from tactile_node.ros.grasp_messages import face_of, grasp_message, side_result, sides_message
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
-from tactile_node.ros.shape_messages import pad_shape, pose_message
+from tactile_node.ros.shape_messages import PadShape, pad_shape_of, pose_message
 from tactile_node.ros.time_messages import time_message
 from tactile_node.shape.fusion import FusedRecognition
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
@@ -80,11 +80,20 @@ def contact(values):
 
 def shape(values, kind, solid_height=0.0):
     message = contact(values)
-    found = pad_contact_of(message).found
+    received = pad_contact_of(message)
+    found = received.found
     frame = Recognition.of({kind: 0.75, Shape.UNKNOWN: 0.25})
     fused = FusedRecognition(frame, STAMP - 1.5, 1.5, 30)
-    result = StreamedContact(found.pattern, frame, fused, found.fit(kind), found, found.moments, Motion())
-    return pad_shape(pad_frame_of(message), result, 'learned', solid_height).message
+    result = StreamedContact(frame, fused, found.fit(kind), found, found.moments, Motion())
+    return PadShape.of(received, result, 'learned', solid_height).message
+
+
+def side_result(message, time):
+    return grasp_messages.side_result(pad_shape_of(message), time)
+
+
+def grasp_message(state, sides, *given):
+    return grasp_messages.grasp_message(state, [*map(pad_shape_of, sides)], *given)
 
 
 def test_taxels_keep_values_nan_status_and_stamp():
@@ -272,7 +281,7 @@ def test_the_sides_of_a_grasp_are_a_message_of_their_own():
     sides = [shape(block(4, 9), Shape.RECTANGLE), shape(block(6, 6), Shape.SQUARE)]
     sides[1].header.stamp.nanosec += 1
     state = GraspTracker().state(0.0)
-    message = sides_message(state, sides, 'gripper', (0.3, 0.1))
+    message = grasp_messages.sides_message(state, [*map(pad_shape_of, sides)], 'gripper', (0.3, 0.1))
     grasp = grasp_message(state, sides, UNKNOWN_OPENING, 'gripper', (0.3, 0.1), Gripper())
     assert (message.header, message.age) == (grasp.header, grasp.age) and list(message.sides) == sides
     assert message.header.frame_id == 'gripper' and message.header.stamp == sides[0].header.stamp
@@ -287,7 +296,7 @@ def test_a_fit_without_deviations_is_not_used_for_the_object(wrong):
     side = shape(block(4, 9), Shape.RECTANGLE)
     for name, value in wrong.items():
         setattr(side, name, value)
-    assert check_contact_shape(side) is None and face_of(side).fit is None
+    assert check_contact_shape(side) is None and grasp_messages.face_of(pad_shape_of(side)).fit is None
 
 
 @pytest.mark.parametrize('period', [0.02, 0.05, 0.2])

@@ -33,7 +33,8 @@ from examples.simulated_gripper.world import (
     random_place,
 )
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.gripper import PadPose, Transform
+from tactile_node.grasp.frame_tree import Transform
+from tactile_node.grasp.gripper import PadPose
 from tactile_node.gripper.rules.holding import SWAY_TIME
 from tactile_node.pose.events import Moving
 from tactile_node.pose.motion import MotionFollower

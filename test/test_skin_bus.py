@@ -226,7 +226,7 @@ def test_stamps_of_what_is_received_keep_up_with_a_wall_clock_that_is_set(monkey
     In an earlier version, TPDOs counted as 0.5 s old for more than an hour after the clock was set back by 0.5 s.
     """
     driver = SkinBus(BusSettings(interface, 'can0'), (make_pad('pad', 32, 'sim16x16.yaml'),), print)
-    clock, wall = driver.traffic.clock, time.time
+    clock, wall = driver.queue.clock, time.time
     assert abs(clock.of(wall()) - clock.now()) < 0.05
     monkeypatch.setattr(time, 'time', lambda: wall() + step)
     for _ in range(3):

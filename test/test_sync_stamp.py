@@ -17,8 +17,8 @@ from tactile_node.bus import sync_producer
 from tactile_node.bus.batch_reader import Batch
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork
+from tactile_node.bus.can_queue import CanQueue
 from tactile_node.bus.sync_producer import SyncProducer
-from tactile_node.bus.traffic import Traffic
 from tactile_node.skin.pads import PadSettings
 
 pytestmark = pytest.mark.bus
@@ -65,21 +65,21 @@ class HeldUp:
         pad = PadSettings('pad', (32,), tiny_layout(folder))
         self._router = Router((pad,), lambda name, frame: self.frames.append(frame), foreign_sync=False,
                               one_clock=one_clock)
-        self.traffic = Traffic(self._router, BusMonitor([32]), print, polled=(), queue_limit=999,
+        self.queue = CanQueue(self._router, BusMonitor([32]), print, polled=(), queue_limit=999,
                                is_host_stamped=True)
-        self.traffic.clock = self.hands.clock()
-        self.network = BusNetwork(self.bus, self.traffic.received, print)
-        self.bus.received = self.traffic.received
-        self.producer = SyncProducer(PERIOD, 0x80, lambda: self.network, self.traffic, self._router, print)
+        self.queue.clock = self.hands.clock()
+        self.network = BusNetwork(self.bus, self.queue.received, print)
+        self.bus.received = self.queue.received
+        self.producer = SyncProducer(PERIOD, 0x80, lambda: self.network, self.queue, self._router, print)
 
     def __enter__(self):
-        self.traffic.begin()
-        self.traffic.restart()
+        self.queue.begin()
+        self.queue.restart()
         return self
 
     def __exit__(self, *_):
         self.network.close()
-        self.traffic.end(60)
+        self.queue.end(60)
 
     def sync(self, count=1):
         for _ in range(count):
@@ -165,7 +165,7 @@ def test_a_write_that_does_not_return_holds_up_nothing_else(tmp_path):
         sender.start()
         assert answered.wait(60)
         done = threading.Event()
-        held.traffic.chain.post(done.set)
+        held.queue.chain.post(done.set)
         assert done.wait(30), 'the assembler must not wait for the write'
         released.set()
         sender.join()

@@ -35,7 +35,7 @@ def test_an_integer_array_needs_a_unit(kind):
             refused()
         assert "unit='Pa'" in error.value.remedy and 'unit=None' in error.value.remedy
     for found in (tn.find_contact(values, unit=None), tn.find_contact(values, thresholds=tn.PressThresholds(100, 80)),
-                  tn.ContactStream(unit=None).update(values, 0.0).contact, tn.find_contact(PRESSED > 0)):
+                  tn.ContactStream(unit=None).update(values, 0.0).found.pattern, tn.find_contact(PRESSED > 0)):
         assert found.mask.sum() == PRESSED.sum()
     assert tn.find_contact(np.asarray(values, int) * 300, unit='Pa').mask.sum() == PRESSED.sum()
 
@@ -53,7 +53,7 @@ def test_counts_passed_as_pascal_are_refused(name):
 @pytest.mark.parametrize('name', PASCALS)
 def test_an_idle_or_lightly_touched_pad_in_pascal_is_not_refused(name):
     assert not tn.find_contact(PASCALS[name], unit='Pa').contacts
-    assert not tn.ContactStream(unit='Pa').update(PASCALS[name], 0.0).contact.contacts
+    assert not tn.ContactStream(unit='Pa').update(PASCALS[name], 0.0).found.pattern.contacts
 
 
 @pytest.mark.parametrize('deviation', [0.3, 0.5, 1, 3, 40])

@@ -20,7 +20,7 @@ from examples.grasp_loop import GraspLoop, Order
 from examples.planner_client import Correction, Planner, asked_for
 from examples.simulated_gripper.first_grasp import UNSEEN, FirstGrasp
 from examples.simulated_gripper.hand_interface import HAND, TABLE, TARGET
-from tactile_node.grasp.gripper import FrameTree, Transform
+from tactile_node.grasp.frame_tree import FrameTree, Transform
 from tactile_node.ros.grasp_checks import check_grasp
 from tactile_node.ros.message_age import InputAge
 from tactile_node.ros.opening_messages import transform

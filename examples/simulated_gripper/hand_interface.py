@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from examples.simulated_gripper.items import PAD_HEIGHT
 from examples.simulated_gripper.world import SIDES, World
 from tactile_node.errors import InputError
-from tactile_node.grasp.gripper import Transform
+from tactile_node.grasp.frame_tree import Transform
 
 TABLE = 'table'   #: frame whose origin is on the table below the initial hand, with z up
 HAND = 'gripper'  #: frame of the hand, with its origin midway between the pads; the grasp node's default frame_id

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from tactile_node.errors import InputError
-from tactile_node.grasp.gripper import Transform
+from tactile_node.grasp.frame_tree import Transform
 from tactile_node.simulator.world import Contact
 
 PAD_HEIGHT = 0.05  #: height of the pads' middle above the table while the hand is lowered [m]

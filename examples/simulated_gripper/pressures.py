@@ -18,7 +18,7 @@ from scipy import ndimage
 
 from bench.planner_world import FINE, PITCH, ROWS, foundation
 from examples.simulated_gripper.items import Item
-from tactile_node.grasp.gripper import Transform
+from tactile_node.grasp.frame_tree import Transform
 
 THICKNESS = 0.004      #: thickness of the skin [m], see STIFFNESS in bench/planner_world.py
 SHEAR_MODULUS = 25e3   #: shear modulus of the skin [Pa], for incompressible silicone with E* = 0.1 MPa

@@ -15,7 +15,7 @@ from examples.simulated_gripper.items import Item
 from examples.simulated_gripper.model import MAX_GAP, STEP, model_of
 from examples.simulated_gripper.pressures import pressures
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.grasp.gripper import Transform
+from tactile_node.grasp.frame_tree import Transform
 
 try:
     import mujoco

@@ -1,6 +1,7 @@
 """Use the times at which the bus is free to prove that no node is behind."""
 
 from math import inf
+from typing import NamedTuple
 
 from tactile_node.cia301.frame_bits import CanFrame, worst_case_bits
 
@@ -9,6 +10,14 @@ from tactile_node.cia301.frame_bits import CanFrame, worst_case_bits
 FREE_TIME = 0.006
 #: Bit rate assumed for a log [bit/s]. A log does not record how long its frames occupied the bus.
 SLOW_BITRATE = 125_000
+
+
+class BatchArrival(NamedTuple):
+    """The time in which the messages of a batch arrived."""
+
+    #: stamps between which all messages arrived [s]; None if the stamp of each message is its time of arrival
+    interval: tuple[float, float] | None
+    most_free: float  #: longest time for which the bus may have been free before the batch, on the steady clock [s]
 
 
 class FreeBus:
@@ -35,6 +44,7 @@ class FreeBus:
     def __init__(self, bitrate: int):
         self._frame_time = worst_case_bits(CanFrame(0, bytes(8), is_extended=True)) / bitrate
         self._free_time = FREE_TIME + self._frame_time  # a frame may be on the bus when the time is measured
+        self._arrived = -inf  # stamp before which all frames so far had arrived
         self.restart()
 
     def restart(self) -> None:
@@ -71,9 +81,23 @@ class FreeBus:
         """Record an error frame. The bus may have more errors, so no time before ``stamp`` [s] counts as free."""
         self._occupy(stamp, inf)
 
-    def was_unobserved(self, until: float, seconds: float) -> None:
-        """Record that unknown frames may have occupied the bus for ``seconds`` [s] before the stamp ``until`` [s]."""
-        self._occupy(until, seconds)
+    def arrived(self, after: float, until: float, most_free: float) -> None:
+        """Record that a frame arrived, and that the bus may have been busy before.
+
+        If the stamps advance by more than ``most_free``, unknown frames may have occupied the bus for the rest of the
+        time, or the wall clock was set.
+
+        Parameters
+        ----------
+        after : float
+            Stamp after which the frame arrived [s].
+        until : float
+            Stamp before which the frame arrived [s].
+        most_free : float
+            Longest time for which the bus may have been free since the previous frame [s].
+        """
+        self._occupy(after, max(0.0, after - self._arrived - most_free))
+        self._arrived = until
 
     def nothing_pending(self, until: float) -> bool:
         """Return True if no node can still answer the second-to-last SYNC.

@@ -110,7 +110,7 @@ class PadAssembler:
             return self._lose(LossReason.SHORT if len(data) < length else LossReason.UNKNOWN_ROW)
         mapped = self._lengths[rank]
         if mapped < len(data) <= MAX_PDO_BYTES:
-            self._note_padded(SentTpdo(self._numbers[rank], can_id), len(data), mapped)
+            self._note_padded(rank, can_id, len(data))
             data = data[:mapped]
         return self._feed_tpdo(rank, data, stamp)
 
@@ -137,9 +137,10 @@ class PadAssembler:
         """Return the number of TPDOs that may still be used or lost."""
         return 0
 
-    def _note_padded(self, tpdo: SentTpdo, size: int, mapped: int) -> None:
+    def _note_padded(self, rank: int, can_id: int, size: int) -> None:
         """Count a TPDO that is longer than mapped, and log the first such TPDO. CiA 301 allows longer TPDOs."""
         if not self._padded:
+            tpdo, mapped = SentTpdo(self._numbers[rank], can_id), self._lengths[rank]
             logger.warning('TPDO %d (COB-ID 0x%03X) has %d bytes, but the layout maps only %d. The first %d bytes are '
                            'used. If other bytes hold the taxels, correct the layout.', *tpdo, size, mapped, mapped,
                            extra={'fact': tpdo})

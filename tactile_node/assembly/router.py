@@ -2,22 +2,28 @@
 
 import logging
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import can
 
 from tactile_node.assembly.domain_assembler import DomainAssembler
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.frame_source import OnFrame
-from tactile_node.assembly.free_bus import SLOW_BITRATE, FreeBus
+from tactile_node.assembly.free_bus import SLOW_BITRATE, BatchArrival, FreeBus
 from tactile_node.assembly.pad_assembler import PadAssembler, TaxelFrames
 from tactile_node.assembly.snapshot_assembler import SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.assembly.sync_assembler import SyncAssembler
 from tactile_node.cia301.objects import service_of
 from tactile_node.skin.pads import PadSettings
+from tactile_node.taxel_frame import TaxelFrame
 
 logger = logging.getLogger(__name__)
+
+#: Function that receives the name of a pad and each of its taxel frames.
+OnFrame = Callable[[str, TaxelFrame], None]
+#: A received message with its kind (`non_data_kind`) and its stamp [s].
+StampedMessage = tuple[can.Message, str | None, float]
 
 
 class Router:
@@ -49,7 +55,7 @@ class Router:
         self._owners = {can_id: (name, assembler) for name, assembler in self._assemblers.items()
                         for can_id in assembler.can_ids}
         self.can_ids = frozenset(self._owners)  #: COB-IDs of the TPDOs or SDOs that carry taxels
-        self.free_bus = FreeBus(bitrate)  #: the caller must also report any traffic that it does not feed to the router
+        self._free_bus = FreeBus(bitrate)
         self.is_running = True  #: see ``pause``
         self._foreign_sync = foreign_sync
         self._sync_id = pads[0].layout.sync_cob_id
@@ -68,14 +74,14 @@ class Router:
     def restart(self) -> None:
         """Discard unfinished frames. The next taxel frame of each pad has sequence number 0."""
         self.is_running = True
-        self.free_bus.restart()
+        self._free_bus.restart()
         for assembler in self._assemblers.values():
             assembler.restart()
 
     def resume(self, lost_periods: int) -> None:
         """Continue after an outage: discard unfinished frames and skip ``lost_periods`` sequence numbers."""
         self.is_running = True
-        self.free_bus.restart()
+        self._free_bus.restart()
         for assembler in self._assemblers.values():
             assembler.resume(lost_periods)
 
@@ -101,7 +107,7 @@ class Router:
 
         The arguments are those of `FreeBus.sync`.
         """
-        self.free_bus.sync(stamp, late)
+        self._free_bus.sync(stamp, late)
         for name, assembler in self._assemblers.items():
             self._deliver(name, assembler.sync(stamp, late))
 
@@ -119,26 +125,46 @@ class Router:
         after : float or None
             Earliest time at which the frame may have arrived [s]; None if it arrived at its stamp.
         """
-        if self.free_bus.nothing_pending(stamp if after is None else after):
+        if self._free_bus.nothing_pending(stamp if after is None else after):
             for each in self._assemblers.values():
                 each.settle()
         owner = self._owners.get(can_id)
         if owner is None:
-            self.free_bus.saw_frame(stamp)
+            self._free_bus.saw_frame(stamp)
             self._feed_other(can_id, stamp)
             return
         name, assembler = owner
         self._counts[assembler.service] += 1
         if assembler.answers_sync:
-            self.free_bus.saw_tpdo(stamp)
+            self._free_bus.saw_tpdo(stamp)
         else:
-            self.free_bus.saw_frame(stamp)
+            self._free_bus.saw_frame(stamp)
         if self.is_running or assembler.answers_sync:  # pads without SYNC send even while the driver is inactive
             if frames := assembler.feed(can_id, data, stamp):
                 self._deliver(name, frames)
 
+    def feed_batch(self, stamped: Sequence[StampedMessage], arrival: BatchArrival) -> None:
+        """Process messages of a live bus that were read together. The caller counts those that are no data frames.
+
+        Parameters
+        ----------
+        stamped : sequence of StampedMessage
+            Messages in the order of reception.
+        arrival : BatchArrival
+            The time in which they arrived.
+        """
+        interval, most_free = arrival
+        for message, kind, stamp in stamped:
+            after, until = interval or (stamp, stamp)
+            if not message.is_error_frame:
+                self._free_bus.arrived(after, until, most_free)
+            if kind is None:
+                self.feed(message.arbitration_id, bytes(message.data), stamp, after)
+            else:
+                self._saw_other(message, stamp)
+
     def feed_message(self, message: can.Message) -> None:
-        """Process a python-can message with its own timestamp.
+        """Process a message of a log with its own timestamp.
 
         A message that is not a data frame with an 11-bit identifier is counted, and occupies the bus.
         """
@@ -147,12 +173,7 @@ class Router:
             self.feed(message.arbitration_id, bytes(message.data), message.timestamp)
         else:
             self._counts[kind] += 1
-            self.saw_other(message, message.timestamp)
-
-    def saw_other(self, message: can.Message, stamp: float) -> None:
-        """Record that a message without data occupied the bus at ``stamp`` [s]."""
-        saw = self.free_bus.saw_error if message.is_error_frame else self.free_bus.saw_frame
-        saw(stamp)
+            self._saw_other(message, message.timestamp)
 
     def end(self) -> None:
         """End the last period of each pad, because no more CAN frames will follow."""
@@ -164,6 +185,11 @@ class Router:
         pads = tuple(replace(assembler.facts(), pad=name) for name, assembler in self._assemblers.items())
         return BusFacts(pads, can_frames=dict(self._counts), error_frames=self._counts['error'],
                         consumer_errors=self._consumer_errors)
+
+    def _saw_other(self, message: can.Message, stamp: float) -> None:
+        """Record that a message without data occupied the bus at ``stamp`` [s]."""
+        saw = self._free_bus.saw_error if message.is_error_frame else self._free_bus.saw_frame
+        saw(stamp)
 
     def _feed_other(self, can_id: int, stamp: float) -> None:
         """Count a frame that belongs to no pad, and begin the next period if it is a SYNC."""

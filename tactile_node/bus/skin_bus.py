@@ -11,19 +11,18 @@ import can
 
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.fault_text import node_label
-from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import BusFault, Failure
-from tactile_node.assembly.router import Router
+from tactile_node.assembly.router import OnFrame, Router
 from tactile_node.bus.bus_devices import BusDevices
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.can_queue import CanQueue
 from tactile_node.bus.device_setup import DeviceAsSet
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.load import refuse_full_bus
 from tactile_node.bus.open_bus import check_bit_rate, open_bus
 from tactile_node.bus.sync_producer import SyncProducer
-from tactile_node.bus.traffic import Traffic
 from tactile_node.bus.usb_port import UsbPort
 from tactile_node.chain import Chain
 from tactile_node.cia301.objects import NmtCommand
@@ -43,7 +42,7 @@ class SkinBus:
 
     `FrameSource` defines the order of the calls, and a `Supervisor` recovers the bus after faults.
 
-    The reception thread posts frames to the chain (`Traffic`). The chain thread assembles the frames and calls
+    The reception thread posts frames to the chain (`CanQueue`). The chain thread assembles the frames and calls
     ``on_frame``. The SYNC producer runs on a separate thread. SDO requests run on the thread of the caller.
 
     Parameters
@@ -85,13 +84,13 @@ class SkinBus:
         self._router = Router(self._pads, on_frame, foreign_sync=not settings.produce_sync,
                               one_clock=_is_one_clock(settings),
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
-        self.traffic = Traffic(self._router, self._monitor, self._fail, polled=self._polls.keys(),
+        self.queue = CanQueue(self._router, self._monitor, self._fail, polled=self._polls.keys(),
                                queue_limit=settings.queue_limit,
                                is_host_stamped=settings.interface in (*STAMPED_ON_ARRIVAL, 'slcan'), chain=chain)
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None
-        self.sync = SyncProducer(settings.sync_period, self._pads[0].layout.sync_cob_id, self._opened, self.traffic,
+        self.sync = SyncProducer(settings.sync_period, self._pads[0].layout.sync_cob_id, self._opened, self.queue,
                                  self._router, self._fail)
         self._is_running = False
         #: reason why the bus has stopped working, or None; only close() and open() recover the bus
@@ -126,9 +125,9 @@ class SkinBus:
         self.failure = None
         self._monitor.restart()
         self._router.pause()
-        self.traffic.begin()
-        self._network = BusNetwork(bus, self.traffic.received, self._fail, record,
-                                   name=f'{settings.interface} {settings.channel}', on_sent=self.traffic.sent)
+        self.queue.begin()
+        self._network = BusNetwork(bus, self.queue.received, self._fail, record,
+                                   name=f'{settings.interface} {settings.channel}', on_sent=self.queue.sent)
         recorded = f', recorded to {record.path}' if record else ''
         logger.info('CAN bus %s %s is open%s.', settings.interface, settings.channel, recorded)
 
@@ -186,7 +185,7 @@ class SkinBus:
         self._opened()
         if self._is_running:
             return
-        self.traffic.restart()
+        self.queue.restart()
         self.sync.pause.restart()
         begun = time.monotonic()
         self._is_running = True  # from here on, stop() has something to undo
@@ -218,7 +217,7 @@ class SkinBus:
             Raised if the command cannot be sent.
         """
         if was_silent:
-            self.traffic.chain.post(self._router.node_started, node.node_id)
+            self.queue.chain.post(self._router.node_started, node.node_id)
         self.devices.command(NmtCommand.START, node)
 
     def resume(self, lost_periods: int) -> None:
@@ -227,7 +226,7 @@ class SkinBus:
         The sequence numbers skip ``lost_periods``. The method does not start the devices.
         """
         self._opened()
-        self.traffic.chain.post(self._router.resume, lost_periods)
+        self.queue.chain.post(self._router.resume, lost_periods)
         self._is_running = True
         self._start_pacers()
 
@@ -239,7 +238,7 @@ class SkinBus:
         self.sync.stop()
         for poll in self._polls.values():
             poll.stop()
-        self.traffic.chain.post(self._router.pause)
+        self.queue.chain.post(self._router.pause)
         for node in self._nodes if self.failure is None else ():
             try:
                 self.devices.command(NmtCommand.ENTER_PRE_OPERATIONAL, node)
@@ -259,7 +258,7 @@ class SkinBus:
         if self._network is not None:
             self._network.close()
             self._network = None
-            self.traffic.end(timeout=2.0)  # a call to on_frame may still be running
+            self.queue.end(timeout=2.0)  # a call to on_frame may still be running
 
     def withhold_incomplete(self, is_wanted: bool) -> None:
         """Withhold incomplete taxel frames from now on if ``is_wanted`` is True; emit them otherwise."""
@@ -267,14 +266,14 @@ class SkinBus:
 
     def facts(self) -> BusFacts:
         """Return the counts since construction. The state of the bus and its nodes is known to the `Supervisor`."""
-        counted, traffic = self._router.facts(), self.traffic
-        can_frames = Counter(counted.can_frames) + Counter(traffic.others)
+        counted, queue = self._router.facts(), self.queue
+        can_frames = Counter(counted.can_frames) + Counter(queue.others)
         return replace(
-            counted, can_frames=dict(can_frames), error_frames=can_frames['error'], queue_overruns=traffic.overruns,
+            counted, can_frames=dict(can_frames), error_frames=can_frames['error'], queue_overruns=queue.overruns,
             sync_overruns=self.sync.overruns, sync_pauses=self.sync.pause.count,
             poll_overruns=sum(poll.overruns for poll in self._polls.values()),
             unrecorded_can_frames=0 if self._record is None else self._record.unwritten,
-            clock_jumps=traffic.clock.jumps, stamps_ahead=traffic.clock.ahead)
+            clock_jumps=queue.clock.jumps, stamps_ahead=queue.clock.ahead)
 
     def _open_record(self, bus: can.BusABC) -> CanLogWriter | None:
         """Open the recording if one is wanted.

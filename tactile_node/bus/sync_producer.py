@@ -10,8 +10,8 @@ from tactile_node.assembly.health import BusFault
 from tactile_node.assembly.router import Router
 from tactile_node.assembly.sync_assembler import MOST_LATE
 from tactile_node.bus.bus_network import BusNetwork, OnFailure
+from tactile_node.bus.can_queue import CanQueue
 from tactile_node.bus.pacer import Pacer
-from tactile_node.bus.traffic import Traffic
 from tactile_node.errors import BusError
 
 logger = logging.getLogger(__name__)
@@ -83,8 +83,8 @@ class SyncProducer(Pacer):
         COB-ID of SYNC.
     network : callable
         Function that returns the open bus. The function raises BusError if the bus is not open.
-    traffic : Traffic
-        Traffic of the bus, with the chain and the clock that stamps SYNC.
+    queue : CanQueue
+        Queue of the bus, with the chain and the clock that stamps SYNC.
     router : Router
         Router that the chain feeds.
     on_failure : callable
@@ -99,12 +99,12 @@ class SyncProducer(Pacer):
         Rule that skips SYNCs.
     """
 
-    def __init__(self, period: float, can_id: int, network: Callable[[], BusNetwork], traffic: Traffic, router: Router,
+    def __init__(self, period: float, can_id: int, network: Callable[[], BusNetwork], queue: CanQueue, router: Router,
                  on_failure: OnFailure):
         super().__init__(period, self.send, 'sync', lambda error: on_failure(BusFault.INTERNAL_ERROR, error))
         self._can_id = can_id
         self._network = network
-        self._traffic = traffic
+        self._queue = queue
         self._router = router
         self._on_failure = on_failure
         self._jumps_reported = 0
@@ -119,7 +119,7 @@ class SyncProducer(Pacer):
         """
         if self.pause.is_due(self._router.is_in_doubt):
             return
-        clock, chain = self._traffic.clock, self._traffic.chain
+        clock, chain = self._queue.clock, self._queue.chain
         written: SimpleQueue[float] = SimpleQueue()
 
         def announce() -> float:
@@ -151,7 +151,7 @@ class SyncProducer(Pacer):
         self._router.sync(stamp, late)
 
     def _report_jump(self) -> None:
-        clock = self._traffic.clock
+        clock = self._queue.clock
         self._jumps_reported = clock.jumps
         if clock.ahead:
             logger.error('The wall clock was set. Stamps never go back, so they continue %.3f s ahead of the wall '

@@ -56,8 +56,8 @@ def _fused(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: ar
         result = pipeline.follow(frame, taxels, float(stamps[k]), **taxels_known(frames, k))
         fused = result.fused
         yield {'file': path, 'frame': k, **frames.known_of(k), **fused.recognition.as_json(),
-               **_counted(result.contact), 'held': fused.held, 'fused_frames': fused.frames, **_fitted(result.fit),
-               **_boxed(result.found, pitch)}
+               **_counted(result.found.pattern), 'held': fused.held, 'fused_frames': fused.frames,
+               **_fitted(result.fit), **_boxed(result.found, pitch)}
 
 
 def _taxels(frames: TaxelFrames, pitch: float | None, response: SkinResponse | None) -> Taxels:

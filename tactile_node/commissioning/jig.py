@@ -15,7 +15,8 @@ from tactile_node.commissioning.block_grip import MIRROR, BlockFace
 from tactile_node.commissioning.measurement import Estimate
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
 from tactile_node.commissioning.pad_alignment import TILT_ERROR, PadAlignment, rotation_about
-from tactile_node.grasp.gripper import PadPose, Transform
+from tactile_node.grasp.frame_tree import Transform
+from tactile_node.grasp.gripper import PadPose
 
 MOST_SKEW = 0.25     #: Largest difference between the slopes of the block against the two pads [rad].
 MOST_TURN = 0.1      #: Largest angle between the block and a pad about the closing direction [rad].

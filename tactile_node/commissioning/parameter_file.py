@@ -16,7 +16,7 @@ from tactile_node.commissioning.pad_alignment import PadAlignment
 from tactile_node.commissioning.pad_mounting import PadMounting, taxel_places
 from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.recording import PadGrid
-from tactile_node.grasp.gripper import IDENTITY_TRANSFORM, Transform
+from tactile_node.grasp.frame_tree import IDENTITY_TRANSFORM, Transform
 from tactile_node.output_file import output_file
 
 #: Frame of the poses of the pads without a jig. A transform from the palm to this frame has to come from the robot.

@@ -21,7 +21,7 @@ from tactile_node.ros.motion_messages import event_message
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.settings import ClassifierSettings
-from tactile_node.ros.shape_messages import MOST_SHAPES, PadShape, pad_shape, pose_message, shapes_message
+from tactile_node.ros.shape_messages import MOST_SHAPES, PadShape, pose_message, shapes_message
 from tactile_node.ros.time_messages import seconds
 from tactile_node.shape.methods import make_recogniser
 from tactile_skin.msg import Contact, ContactEvent, ContactShape, ContactShapes
@@ -58,42 +58,39 @@ class ClassifierNode(StageNode):
                                     parse=pad_contact_of, stages=self._stages, step=Step.RECOGNISE)
         self.begin_stage(self._settings, [self._contacts], self._shapes)
 
-    def accept(self, contact: PadContact, acquired: float) -> None:
+    def accept(self, contact: PadContact) -> None:
         """Recognise the shape of ``contact`` and publish the result."""
         result = self._pipeline.recognise(contact.found, seconds(contact.header.stamp))
-        shape = self._shape(contact, result, acquired)
-        shape.fields.left_out = self._contacts.left_out
+        shape = self._shape(contact, result)
         try:
-            self._shapes.send(shape, acquired)
+            self._shapes.send(shape)
         finally:  # no later frame reports these events again
             for event in result.motion.events:
-                self._contacts.attempt(self._publish_event, event, contact, acquired)
-        if shape.fields.fit_valid:
+                self._contacts.attempt(self._publish_event, event, contact)
+        if shape.centre is not None:
             self._poses.publish(lambda: pose_message(shape.message))
         self.recognised += 1
         if self._view.is_wanted or self._all_shapes.is_wanted:
-            self._contacts.postpone(Step.SHOW, acquired, self._publish_more, contact, result, shape, acquired)
+            self._contacts.postpone(Step.SHOW, contact.acquired, self._publish_more, contact, result, shape)
 
-    def _publish_event(self, event: Event, contact: PadContact, acquired: float) -> None:
-        self._events.publish(event_message(event, contact.header, contact.sequence, age_since(acquired)))
+    def _publish_event(self, event: Event, contact: PadContact) -> None:
+        self._events.publish(event_message(event, contact.header, contact.sequence, age_since(contact.acquired)))
 
-    def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape, acquired: float) -> None:
+    def _publish_more(self, contact: PadContact, result: StreamedContact, shape: PadShape) -> None:
         """Publish `shapes` and `markers`, which no other stage waits for."""
-        self._all_shapes.publish(self._all_shapes_of, contact, result, acquired)
+        self._all_shapes.publish(self._all_shapes_of, contact, result)
         if self._view.is_wanted:
             self._view.publish(contact, shape.message)
 
-    def _all_shapes_of(self, contact: PadContact, largest: StreamedContact, acquired: float) -> ContactShapes:
+    def _all_shapes_of(self, contact: PadContact, largest: StreamedContact) -> ContactShapes:
         results = self._pipeline.recognise_each(largest, seconds(contact.header.stamp), MOST_SHAPES)
-        shapes = [self._shape(contact, each, acquired).message for each in results]
-        together = shapes_message(contact, largest.contact.contacts, shapes)
-        together.age = age_since(acquired)
+        shapes = [self._shape(contact, each).message for each in results]
+        together = shapes_message(contact, largest.found.pattern.contacts, shapes)
+        together.age = age_since(contact.acquired)
         return together
 
-    def _shape(self, contact: PadContact, result: StreamedContact, acquired: float) -> PadShape:
-        shape = pad_shape(contact.frame, result, self._settings.method, self._settings.solid_height)
-        shape.fields.age = age_since(acquired)
-        return shape
+    def _shape(self, contact: PadContact, result: StreamedContact) -> PadShape:
+        return PadShape.of(contact, result, self._settings.method, self._settings.solid_height)
 
 
 def main() -> int:

@@ -17,7 +17,6 @@ from rclpy.parameter import Parameter
 
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.fault_text import failure_of
-from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.conditioning.tare import tare_limit
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError
 from tactile_node.node_graph import Role
@@ -31,10 +30,12 @@ from tactile_node.nodes.stage import Stages
 from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, masks_faulty, skin_responses
+from tactile_node.ros.contact_messages import PadFrame
 from tactile_node.ros.parameters import declare, follow_changes, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.ros.status_message import PrimaryState
+from tactile_node.sources.frame_source import FrameSource
 from tactile_node.taxel_frame import TaxelFrame
 
 #: Parameters read by configure: all parameters that are not live, except autostart and wait_at_start (read at startup).
@@ -177,10 +178,10 @@ class DriverNode(StageNode, LifecycleNode):
         outputs = {}
         for pad, frame_id in zip(pads, pad_frames(settings, pads)):
             outputs[pad.name] = output = PadOutput(
-                self, pad, frame_id, conditioned[pad.name], settings, self._stages, source.acquired,
+                self, pad, frame_id, conditioned[pad.name], settings, self._stages,
                 layer=responses[pad.name].layer if pad.name in responses else None)
-            self._owned.append(output.destroy)
-            if settings.replay and settings.lossless and not output.is_answered:
+            self._owned.append(output.end)
+            if settings.replay and settings.lossless and not self._stages.is_complete(output.topic):
                 raise _not_answered(pad.name)
         self._pads = outputs  # replaced in one assignment, because the executor may publish the state at any time
         saving = serve_faults(self, settings.faulty_taxels_file,
@@ -196,8 +197,9 @@ class DriverNode(StageNode, LifecycleNode):
         source.configure()
 
     def _publish(self, pad: str, frame: TaxelFrame) -> None:
-        """Publish a taxel frame of a bus, on the chain thread."""
-        self._pads[pad].publish(frame)
+        """Condition and publish a taxel frame of a bus, on the chain thread."""
+        output = self._pads[pad]
+        output.send(PadFrame.of(output.conditioned.feed(frame), output.taxels, output.frame_id))
 
     def _replayed(self, pad: str, frame: TaxelFrame) -> None:
         """Publish a taxel frame of a log on the chain thread, while the thread of the log waits.

@@ -11,12 +11,12 @@ from rclpy.service import Service
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.conditioning.faulty_taxels_file import save_faults
 from tactile_node.conditioning.tare import Tare as Measured
 from tactile_node.conditioning.tared_pad import TaredPad
 from tactile_node.conditioning.taxel_faults import FaultyTaxels
 from tactile_node.errors import ConfigurationError, TactileError, TareRefusal, TareRefusedError
+from tactile_node.sources.frame_source import FrameSource
 from tactile_node.threads import ReportedThread
 from tactile_skin.srv import Tare
 

@@ -3,13 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from tactile_node.assembly.frame_source import FrameSource, OnFrame
+from tactile_node.assembly.router import OnFrame
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.chain import Chain
 from tactile_node.errors import ConfigurationError
 from tactile_node.logs.log_writer import MEGABYTE
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings, live_pads, make_pads, one_for_each, with_dictionaries
+from tactile_node.sources.frame_source import FrameSource
 from tactile_node.sources.log_source import LogSource
 from tactile_node.sources.supervisor import Supervisor
 

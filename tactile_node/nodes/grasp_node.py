@@ -24,7 +24,7 @@ from tactile_node.ros.grasp_messages import grasp_message, side_result, sides_me
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import GraspNodeSettings
-from tactile_node.ros.shape_messages import PadShape
+from tactile_node.ros.shape_messages import PadShape, pad_shape_of
 from tactile_node.ros.time_messages import seconds
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
@@ -56,7 +56,6 @@ class GraspNode(StageNode):
         # The chain updates the grasp, a ticker notices silences, and the executor answers requests. A chain that hangs
         # in another stage does not hold the lock, so it cannot hide a silence.
         self._lock = threading.RLock()
-        self._acquired = dict.fromkeys(SIDES, -math.inf)  # when the latest taxels of each side were acquired [s]
         self._received = -math.inf  # time when the latest shape was received [s]
         self._requests: GraspRequests | None = None
         super().__init__(Role.GRASP, stages, **options)
@@ -69,7 +68,7 @@ class GraspNode(StageNode):
             max_skew=settings.max_skew, max_age=settings.max_age))
         self._opening = make_opening_source(self, settings, gripper.closing, steady)
         publish_pad_frames(self, settings, gripper, self._opening)
-        self._latest = {side: PadShape(ContactShape()) for side in SIDES}
+        self._latest = {side: pad_shape_of(ContactShape()) for side in SIDES}
         self._is_published = True  # False while a shape waits to be published in a grasp
         self._stamp = 0.0  # latest stamp, which serves as the clock of a lossless replay [s]
         qos, lossless = settings.qos, settings.lossless
@@ -80,12 +79,12 @@ class GraspNode(StageNode):
         self._silent_at = dict.fromkeys(SIDES, math.inf)
         self._shapes: dict[str, StageInput[ContactShape, PadShape]] = {
             side: StageInput(self, ContactShape, f'{pad}/shape', partial(self.accept, side), settings,
-                             check=check_contact_shape, parse=PadShape, stages=self._stages, steady=steady)
+                             check=check_contact_shape, parse=pad_shape_of, stages=self._stages, steady=steady)
             for side, pad in zip(SIDES, (settings.left_pad, settings.right_pad))}
         self.begin_stage(settings, tuple(self._shapes.values()))
         self.tick(SILENCE_PERIOD, self._look_for_silence)
 
-    def accept(self, side: str, shape: PadShape, acquired: float) -> None:
+    def accept(self, side: str, shape: PadShape) -> None:
         """Update the grasp with a new shape from one pad, and publish the grasp after the waiting shapes.
 
         Parameters
@@ -94,13 +93,10 @@ class GraspNode(StageNode):
             Side of the pad, one of SIDES.
         shape : PadShape
             Shape on the pad of this side.
-        acquired : float
-            Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
         """
         stamp = seconds(shape.header.stamp)
-        result = side_result(shape.fields, stamp if self._settings.lossless else acquired)
+        result = side_result(shape, stamp if self._settings.lossless else shape.acquired)
         with self._lock:
-            self._acquired[side] = acquired
             self._received = self._steady()
             self._latest[side] = shape
             self._stamp = max(stamp, self._stamp) if self._stamp - stamp < ANOTHER_LOG else stamp
@@ -109,10 +105,10 @@ class GraspNode(StageNode):
             if not self._settings.lossless:
                 self._silent_at[side] = self._steady() + self._tracker.silence_limit(side)
         # A grasp of unknown age waits for no other shape, because its order among the shapes is not known either.
-        if self._settings.lossless or acquired == -math.inf:
+        if self._settings.lossless or shape.acquired == -math.inf:
             self._publish_update()
         else:
-            self._shapes[side].postpone(Step.COMBINE, acquired, self._publish_update)
+            self._shapes[side].postpone(Step.COMBINE, shape.acquired, self._publish_update)
 
     def _publish_update(self) -> None:
         """Publish the grasp unless it has been published since the latest shape."""
@@ -166,18 +162,18 @@ class GraspNode(StageNode):
     def _grasp_at(self, now: float) -> CurrentGrasp:
         opening = self._opening.current()
         state = self._tracker.state(now, opening.gap)
-        sides = [self._latest[side].fields for side in SIDES]
+        sides = [self._latest[side] for side in SIDES]
         return CurrentGrasp(state, sides, partial(grasp_message, state, sides, opening, self._settings.frame,
                                                   self._ages(), self._gripper))
 
     def _sides_message(self, state: GraspState) -> GraspSides:
-        sides = [self._latest[side].message for side in SIDES]
+        sides = [self._latest[side] for side in SIDES]
         return sides_message(state, sides, self._settings.frame, self._ages())
 
     def _ages(self) -> list[float]:
         """Return the age of each side's latest shape [s], or inf if the side has none."""
         now = self._steady()
-        return [now - self._acquired[side] for side in SIDES]
+        return [now - self._latest[side].acquired for side in SIDES]
 
 
 def main() -> int:

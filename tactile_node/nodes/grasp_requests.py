@@ -17,8 +17,9 @@ from tactile_node.grasp.tracker import GraspState
 from tactile_node.ros.message_health import several_text
 from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.requirement_messages import requirement_of, state_message, timeout_of
+from tactile_node.ros.shape_messages import PadShape
 from tactile_skin.action import WaitForGrasp
-from tactile_skin.msg import ContactShape, Grasp
+from tactile_skin.msg import Grasp
 from tactile_skin.srv import CheckGrasp
 
 #: Time between two checks of the waiting goals [s]. The goals are also checked at each published grasp.
@@ -34,7 +35,7 @@ class CurrentGrasp(NamedTuple):
     """The grasp at one moment, with functions to evaluate and publish it."""
 
     state: GraspState
-    sides: Sequence[ContactShape]  #: latest shapes of the left and the right pad
+    sides: Sequence[PadShape]  #: latest shapes of the left and the right pad
     message: Callable[[], Grasp]  #: creates the message for this grasp
 
     def missing(self, requirement: Requirement) -> tuple[Missing, ...]:
@@ -162,7 +163,7 @@ class GraspRequests:
         return response
 
     def _requirement(self, message: object) -> Requirement:
-        names = dict.fromkeys(name for side in self._current().sides for name in side.class_names
+        names = dict.fromkeys(name for side in self._current().sides for name in side.probabilities
                               if name not in NO_SHAPES)
         return requirement_of(message, tuple(names))
 

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_node.nodes.message_guard import MessageGuard
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.ticker import Ticker
 from tactile_node.ros.message_age import use_stamps
 from tactile_node.ros.message_health import (
@@ -36,13 +36,13 @@ class MessageHealth:
     ----------
     node : Node
         Node whose health is published.
-    subscriptions : sequence of MessageGuard
+    subscriptions : sequence of GuardedSubscription
         Inputs of the node.
     settings : ReceiverSettings
         Settings of the node.
     """
 
-    def __init__(self, node: Node, subscriptions: Sequence[MessageGuard[Any]], settings: ReceiverSettings):
+    def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription[Any]], settings: ReceiverSettings):
         self._node = node
         self._max_clock_offset = settings.max_clock_offset if use_stamps(node, settings) else math.inf
         self._subscriptions = tuple(subscriptions)

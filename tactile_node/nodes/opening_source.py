@@ -18,7 +18,7 @@ from rclpy.qos import qos_profile_sensor_data
 
 from tactile_node.bus.log_throttle import LogThrottle
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.gripper import FrameTree
+from tactile_node.grasp.frame_tree import FrameTree
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, LinearGap, Opening, is_plausible, opening
 from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.node_health import publish_status

@@ -1,8 +1,7 @@
-"""Condition the taxel frames of one pad and publish them on `<pad>/taxels`."""
+"""The output of the driver for one pad."""
 
 import math
 import time
-from collections.abc import Callable
 
 from rclpy.node import Node
 
@@ -14,14 +13,13 @@ from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings
-from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
 
 LOOK_PERIOD = 1.0  #: Time between two checks for other publishers [s].
 
 
-class PadOutput:
-    """Conditions the taxel frames of one pad, publishes them and passes them to the processor.
+class PadOutput(StageOutput[PadFrame]):
+    """Publishes the taxel frames of one pad on `<pad>/taxels`, and knows the condition of the pad.
 
     Parameters
     ----------
@@ -37,25 +35,18 @@ class PadOutput:
         Settings of the driver.
     stages : Stages
         Stages of this process.
-    acquired : callable
-        Function that returns the acquisition time of a frame from its stamp; see `FrameSource.acquired`.
     layer : Layer or None
         Elastic layer of a calibrated skin, or None if the layer is not known.
     """
 
     def __init__(self, node: Node, pad: PadSettings, frame_id: str, conditioned: ConditionedPad,
-                 settings: DriverSettings, stages: Stages, acquired: Callable[[float], float],
-                 layer: Layer | None = None):
+                 settings: DriverSettings, stages: Stages, layer: Layer | None = None):
+        super().__init__(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, stages)
         self.conditioned = conditioned
         self._is_mirrored = pad.layout.is_mirrored
         self.unit = pad.layout.value.unit
-        self._taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
-        self._frame_id = frame_id
-        self._acquired = acquired
-        self._node = node
-        self._output = StageOutput(node, TaxelArray, f'{pad.name}/taxels', settings, taxel_array_message, stages)
-        #: True if all stages up to the classifier run in this process
-        self.is_answered = stages.is_complete(self._output.topic)
+        self.taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
+        self.frame_id = frame_id
         self._others: tuple[str, ...] = ()
         self._looked = -math.inf
 
@@ -65,11 +56,6 @@ class PadOutput:
         return self.conditioned.condition._replace(other_publishers=self._other_publishers(),
                                                      is_mirrored=self._is_mirrored)
 
-    def publish(self, frame: TaxelFrame) -> None:
-        """Condition a taxel frame, publish it and pass it on, on the chain thread."""
-        conditioned = PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id)
-        self._output.send(conditioned, self._acquired(frame.stamp))
-
     def _other_publishers(self) -> tuple[str, ...]:
         """Return the full names of the other nodes that publish on the same topic. The names are read once a second.
 
@@ -78,13 +64,9 @@ class PadOutput:
         now = time.monotonic()
         if now - self._looked >= LOOK_PERIOD:
             self._looked = now
-            names = publisher_names(self._node, self._output.topic)
+            names = publisher_names(self._node, self.topic)
             own = self._node.get_fully_qualified_name()
             if names:  # one of the names belongs to this node, even if ROS has not discovered the node's own name yet
                 names.remove(own if own in names else names[0])
             self._others = tuple(names)
         return self._others
-
-    def destroy(self) -> None:
-        """Stop publishing."""
-        self._output.end()

@@ -67,7 +67,7 @@ class ProcessorNode(StageNode):
         if settings.press_threshold != before.press_threshold:
             self._scales = scales_of(settings)
 
-    def accept(self, frame: PadFrame, acquired: float) -> None:
+    def accept(self, frame: PadFrame) -> None:
         """Find the contacts in ``frame``, publish them and hand them over."""
         unit, values = frame.taxels.unit or '', frame.values
         if unit in self._scales and (error := self._scales[unit].doubt(values)):
@@ -75,19 +75,19 @@ class ProcessorNode(StageNode):
             self._scales = {}  # the warning is logged only once
         found = self._pipeline.find(values, frame.taxels, saturated=frame.status == TaxelStatus.SATURATED.value,
                                     unmapped=frame.status == TaxelStatus.UNMAPPED.value)
-        contact = PadContact.of(frame, found, self._taxels.left_out)
-        self._contacts.send(contact, acquired)
+        contact = PadContact.of(frame, found)
+        self._contacts.send(contact)
         if self._views.is_wanted or self._features.is_wanted:
-            self._taxels.postpone(Step.SHOW, acquired, self._publish_more, contact, acquired)
+            self._taxels.postpone(Step.SHOW, contact.acquired, self._publish_more, contact)
 
-    def _publish_more(self, contact: PadContact, acquired: float) -> None:
+    def _publish_more(self, contact: PadContact) -> None:
         """Publish features, images and wrenches, which no other stage waits for."""
-        self._features.publish(self._features_of, contact, acquired)
+        self._features.publish(self._features_of, contact)
         self._views.publish(contact)
 
-    def _features_of(self, contact: PadContact, acquired: float) -> ContactFeatures:
+    def _features_of(self, contact: PadContact) -> ContactFeatures:
         features = features_message(contact, compute_features(contact.found.pattern.mask, self._groups))
-        features.age = age_since(acquired)
+        features.age = age_since(contact.acquired)
         return features
 
 

@@ -1,22 +1,20 @@
 """Stages of the processing chain: nodes that call each other in one process, and send messages between processes.
 
-The driver, the processors, the classifiers and the grasp node are stages. A `StageOutput` publishes each result. If the
-next stage runs in the same process, the output also calls the `StageInput` of that stage, on the chain thread.
-Otherwise the next stage subscribes to the topic, and its input posts each message to the chain of its own process.
+The driver, the processors, the classifiers and the grasp node are stages. A `StageOutput` is an `OnDemandPublisher`. If
+the next stage runs in the same process, the output also calls the `StageInput` of that stage, on the chain thread. A
+`StageInput` is a `GuardedSubscription`, which posts each message to the chain of its own process.
 """
 
 import math
 import time
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Generic, TypeVar
 
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 
 from tactile_node.chain import Chain, Step
-from tactile_node.nodes.message_guard import FrameKey, MessageGuard, frame_key
+from tactile_node.nodes.guarded_subscription import FrameKey, GuardedSubscription, frame_key
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.ros.message_age import age_since
 from tactile_node.ros.message_checks import Check, Message
@@ -28,7 +26,9 @@ LISTENING_PERIOD = 0.1
 STOP_TIMEOUT = 2.0  #: Longest time that the end of a node waits for a running call of the chain [s].
 
 
-Result = TypeVar('Result')  #: A result of a stage, with the ``header`` and the ``sequence`` of its taxel frame.
+#: A result of a stage: PadFrame, PadContact or PadShape. Each has the ``header``, ``sequence`` and ``acquired`` of its
+#: taxel frame, and the number ``left_out`` of overtaken frames before it.
+Result = TypeVar('Result')
 
 
 class Stages:
@@ -65,10 +65,8 @@ class Stages:
         return stage is not None and (stage.sends_on is None or self.is_complete(stage.sends_on))
 
 
-class StageOutput(Generic[Result]):
+class StageOutput(OnDemandPublisher[Any], Generic[Result]):
     """Output of a stage, which publishes results on a topic and passes them to the next stage of this process.
-
-    The output creates a message only while the topic has a subscriber. In a lossless replay, it always creates one.
 
     Parameters
     ----------
@@ -88,49 +86,41 @@ class StageOutput(Generic[Result]):
 
     def __init__(self, node: Node, kind: type, topic: str, settings: NodeSettings, make: Callable[[Result], Any],
                  stages: Stages):
+        super().__init__(node, kind, topic, settings.qos, lossless=settings.lossless)
         self._make, self._stages = make, stages
-        self._publisher: OnDemandPublisher[Any] = OnDemandPublisher(node, kind, topic, settings.qos,
-                                                                    lossless=settings.lossless)
-        self.topic = self._publisher.topic  #: full name of the topic
 
-    def send(self, result: Result, acquired: float) -> None:
+    def send(self, result: Result) -> None:
         """Publish a result and pass it on, on the chain thread.
 
         If publishing raises an exception, the next stage still gets the result, and the caller gets the exception and
         counts it.
-
-        Parameters
-        ----------
-        result : Result
-            Result of this stage.
-        acquired : float
-            Time when the taxels were acquired, on the steady clock [s].
         """
         try:
-            self._publisher.publish(self._message, result, acquired)
+            self.publish(self._message, result)
         finally:
             if (reader := self._stages.input_of(self.topic)) is not None:
-                reader.feed(result, acquired)
+                reader.feed(result)
 
     def end(self) -> None:
         """Stop sending, because the node is ending or is no longer configured."""
         reader = self._stages.input_of(self.topic)
         if reader is not None:
             reader.end_feeding()
-        self._publisher.destroy()
+        self.destroy()
 
-    def _message(self, result: Result, acquired: float) -> Any:
+    def _message(self, result: Any) -> Any:
         message = self._make(result)
-        message.age = age_since(acquired)
+        message.age = age_since(result.acquired)
         return message
 
 
-class StageInput(MessageGuard[Message], Generic[Message, Result]):
+class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     """Input of a stage, which receives results from a stage of the same process or messages from a topic.
 
-    The input subscribes to the topic unless a stage of this process is its only publisher. If another node also
-    publishes the topic, the input drops all results from the moment that node starts to send. If a message of this
-    process comes back over the topic, the input recognises it by its sequence number and stamp, and ignores it.
+    Both wait for their turn on the chain. The input subscribes to the topic unless a stage of this process is its only
+    publisher. If another node also publishes the topic, the input drops all results from the moment that node starts to
+    send. If a message of this process comes back over the topic, the input recognises it by its sequence number and
+    stamp, and ignores it.
 
     Parameters
     ----------
@@ -141,14 +131,14 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
     topic : str
         Name of the topic.
     accept : callable
-        Function that is called with each result and the time when its taxels were acquired, on the steady clock [s]
-        (-inf if not known). It runs on the chain thread.
+        Function that is called with each result, on the chain thread.
     settings : ReceiverSettings
         Settings of the node.
     check : callable
         Function that returns the reason why a message cannot be used, or None.
     parse : callable
-        Function that creates a result from a message.
+        Function that creates a result from a message and the time when its taxels were acquired, on the steady clock
+        [s] (-inf if not known).
     stages : Stages
         Stages of this process.
     step : Step or None
@@ -165,13 +155,10 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         Topic of this stage's results, or None for the last stage of a pad.
     """
 
-    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result, float], None],
-                 settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message], Result],
+    def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
+                 settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message, float], Result],
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
-        super().__init__(node, kind, node.resolve_topic_name(topic), check, lossless=settings.lossless, steady=steady)
-        self._accept = accept
-        self._kind = kind
         self._parse = parse
         self._stages = stages
         self._step = step
@@ -179,16 +166,13 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         qos = settings.input_qos
         # Messages from the topic that wait for the chain. A full queue drops its oldest message, as DDS does.
         self._arrived: deque[Message] = deque(maxlen=qos.depth)
-        # Usable results and messages that wait for ``step``: each after those that it has overtaken, and the time when
-        # its taxels were acquired.
-        self._waiting: deque[tuple[list[Any], float]] = deque()
+        self._waiting: deque[Any] = deque()  # usable results (NamedTuples) that wait for ``step``
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
         self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
         self.sends_on: str | None = None
-        self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
-        self._subscription: Subscription | None = self._subscribe()
+        super().__init__(node, kind, topic, accept, qos, check=check, lossless=settings.lossless, steady=steady)
         stages.add(self)
 
     @property
@@ -198,22 +182,15 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         self._listen()
         return super().health
 
-    def feed(self, result: Result, acquired: float) -> None:
+    def feed(self, result: Any) -> None:
         """Receive a result from a stage of this process, on the chain thread.
 
         If the message of the result comes back over the topic, the chain takes it later and ignores it.
-
-        Parameters
-        ----------
-        result : Result
-            Result of the previous stage.
-        acquired : float
-            Time when the taxels were acquired, on the steady clock [s]; -inf if not known.
         """
         self._is_fed = True
         self._own.append(frame_key(result))
         self.attempt(self._look_for_others)
-        if self.is_usable(result, acquired):
+        if self.is_usable(result, is_result=True):
             self._wait_for_step(result)
 
     def end_feeding(self) -> None:
@@ -227,29 +204,24 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
+        self.destroy()
         self._arrived.clear()
         self._stages.remove(self)
 
-    def _wait_for_step(self, received: Any) -> None:
-        self._waiting.append(([received], self.acquired))
+    def _wait_for_step(self, result: Any) -> None:
+        self._waiting.append(result)
         if self._step is None:
             self._process_next()
         elif len(self._waiting) > self._most_waiting:
-            overtaken, _ = self._waiting.popleft()
-            self._waiting[0][0][:0] = overtaken  # the next result has overtaken these
+            overtaken, following = self._waiting.popleft(), self._waiting.popleft()
+            self._waiting.appendleft(following._replace(left_out=following.left_out + overtaken.left_out + 1))
+            self.count_overtaken(1)
         else:
-            self._stages.chain.postpone(self._step, self.acquired, self._process_next)
+            self._stages.chain.postpone(self._step, result.acquired, self._process_next)
 
     def _process_next(self) -> None:
         if self._waiting:
-            received, acquired = self._waiting.popleft()
-            self.process(received, self._pass_on, acquired)
-
-    def _pass_on(self, received: Any, acquired: float) -> None:
-        """Call ``accept`` of the node with a result, or with the result that a message contains."""
-        self._accept(self._parse(received) if isinstance(received, self._kind) else received, acquired)
+            self.process(self._waiting.popleft())
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
@@ -261,7 +233,10 @@ class StageInput(MessageGuard[Message], Generic[Message, Result]):
         message = self._arrived.popleft()
         self.count_publishers()
         if frame_key(message) not in self._own and self.is_usable(message):
-            self._wait_for_step(message)
+            self.attempt(self._wait_for_result_of, message)
+
+    def _wait_for_result_of(self, message: Message) -> None:
+        self._wait_for_step(self._parse(message, self.acquired))
 
     def _look_for_others(self) -> None:
         """Let the executor subscribe to the topic if another node publishes it, and end the subscription otherwise."""

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from tactile_node.assembly.frame_source import FrameSource
 from tactile_node.node_graph import NodeDescription, Role
 from tactile_node.nodes.stage import STOP_TIMEOUT, Stages
+from tactile_node.sources.frame_source import FrameSource
 
 if TYPE_CHECKING:
     from tactile_node.nodes.classifier_node import ClassifierNode

@@ -112,12 +112,10 @@ class FoundContact(NamedTuple):
 class StreamedContact(NamedTuple):
     """The results for one frame, and the recognition over all frames since its contact began."""
 
-    #: the recognised contact: the largest contact, together with the pieces joined to it
-    contact: ContactPattern
     recognition: Recognition  #: recognition of this frame alone, or of a recent frame with the same taxels
     fused: FusedRecognition   #: recognition over all frames since the contact began
     fit: ShapeFit | None      #: fit of the fused shape, or None if the shape has no outline
-    found: FoundContact       #: the recognised contact with its visibility and its box
+    found: FoundContact       #: the recognised contact: the largest contact, together with the pieces joined to it
     moments: ContactMoments   #: moments of the recognised contact
     motion: Motion  #: movement of the contact, which is unknown if the pipeline recognises each frame separately
 
@@ -221,13 +219,13 @@ class ContactPipeline:
         """
         if self._fusion is None or self._answer is None or not self._answer.holds_for(found, stamp):
             self._answer = _Answer(found, stamp, self._method.recognise(found.pattern, visibility=found.visibility))
-        found, frame = _with_pieces(found, self._answer.recognition)
-        fused = _alone(frame, stamp) if self._fusion is None else self._fusion.update(stamp, frame)
+        found, alone = _with_pieces(found, self._answer.recognition)
+        fused = _unfused(alone, stamp) if self._fusion is None else self._fusion.update(stamp, alone)
         if fused.frames == 1:
             self._outlines.clear()
         if self._fusion is None:
-            return self._described(found, frame, fused)
-        result = self._described(found, frame, fused, self._outlines, stamp)
+            return self._described(found, alone, fused)
+        result = self._described(found, alone, fused, self._outlines, stamp)
         return result._replace(motion=self._motion.update(sight_of(result, stamp)))
 
     def follow(self, values: np.ndarray, taxels: Taxels, stamp: float, *, saturated: ArrayLike | None = None,
@@ -262,11 +260,12 @@ class ContactPipeline:
             Largest number of contacts to recognise.
         """
         results = []
-        for number in range(1, min(largest.contact.contacts, most) + 1):
-            found, frame = largest.found.of_pattern(of_contact(largest.contact, number)), largest.recognition
+        pattern = largest.found.pattern
+        for number in range(1, min(pattern.contacts, most) + 1):
+            found, alone = largest.found.of_pattern(of_contact(pattern, number)), largest.recognition
             if number > 1:  # pieces are joined only to the largest contact, to which they may belong
-                frame = self._method.recognise(found.pattern._replace(contacts=1), visibility=found.visibility)
-            results.append(self._described(found, frame, _alone(frame, stamp)))
+                alone = self._method.recognise(found.pattern._replace(contacts=1), visibility=found.visibility)
+            results.append(self._described(found, alone, _unfused(alone, stamp)))
         return results
 
     def restart(self) -> None:
@@ -286,15 +285,15 @@ class ContactPipeline:
             self._recogniser = make_recogniser()
         return self._recogniser
 
-    def _described(self, found: FoundContact, frame: Recognition, fused: FusedRecognition,
+    def _described(self, found: FoundContact, alone: Recognition, fused: FusedRecognition,
                    outlines: dict[Shape, OutlineFit] | None = None, stamp: float = 0.0) -> StreamedContact:
         fit = found.fit(fused.recognition.shape, outlines, stamp) if self._fits else None
-        return StreamedContact(found.pattern, frame, fused, fit, found, found.moments, Motion())
+        return StreamedContact(alone, fused, fit, found, found.moments, Motion())
 
 
-def _with_pieces(found: FoundContact, frame: Recognition) -> tuple[FoundContact, Recognition]:
-    """Return the contact that ``frame`` describes, including any pieces joined to it, and ``frame`` itself."""
-    return (found.of_pattern(join_pieces(found.pattern)) if frame.joined else found), frame
+def _with_pieces(found: FoundContact, alone: Recognition) -> tuple[FoundContact, Recognition]:
+    """Return the contact that ``alone`` describes, including any pieces joined to it, and ``alone`` itself."""
+    return (found.of_pattern(join_pieces(found.pattern)) if alone.joined else found), alone
 
 
 def sight_of(result: StreamedContact, stamp: float) -> Sight:
@@ -304,5 +303,5 @@ def sight_of(result: StreamedContact, stamp: float) -> Sight:
                  (found.taxels.unit or ON_OFF_UNIT) == ON_OFF_UNIT)
 
 
-def _alone(frame: Recognition, stamp: float) -> FusedRecognition:
-    return FusedRecognition(frame, stamp, 0.0, 1)
+def _unfused(alone: Recognition, stamp: float) -> FusedRecognition:
+    return FusedRecognition(alone, stamp, 0.0, 1)

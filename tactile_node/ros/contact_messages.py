@@ -1,5 +1,6 @@
 """Convert taxel frames, contacts and features to messages and back."""
 
+import math
 from array import array
 from typing import NamedTuple
 
@@ -24,7 +25,9 @@ class PadFrame(NamedTuple):
     status: np.ndarray      #: `TaxelStatus` of each taxel, uint8, shape (rows, cols)
     taxels: Taxels
     missing_can_frames: int
+    acquired: float = -math.inf  #: time when the taxels were acquired, on the steady clock [s]; -inf if not known
     tpdo_ages: TpdoAges | None = None
+    left_out: int = 0  #: number of frames before this one that newer frames have overtaken
 
     @classmethod
     def of(cls, frame: TaxelFrame, taxels: Taxels, frame_id: str) -> 'PadFrame':
@@ -32,7 +35,8 @@ class PadFrame(NamedTuple):
         layer = None if taxels.layer is None else Layer(*map(single, taxels.layer))
         return cls(Header(stamp=time_message(frame.stamp), frame_id=frame_id), frame.sequence,
                    np.ascontiguousarray(frame.values, np.float32), np.ascontiguousarray(frame.status, np.uint8),
-                   taxels._replace(pitch=single(taxels.pitch), layer=layer), frame.missing_can_frames, frame.tpdo_ages)
+                   taxels._replace(pitch=single(taxels.pitch), layer=layer), frame.missing_can_frames, frame.acquired,
+                   frame.tpdo_ages)
 
 
 class PadContact(NamedTuple):
@@ -43,11 +47,11 @@ class PadContact(NamedTuple):
     left_out: int = 0  #: number of frames before this one that newer frames have overtaken
 
     @classmethod
-    def of(cls, frame: PadFrame, found: FoundContact, left_out: int = 0) -> 'PadContact':
+    def of(cls, frame: PadFrame, found: FoundContact) -> 'PadContact':
         """Return the contact in a frame, with its noise rounded as in a message; see `PadFrame.of`."""
         noise = found.pattern.noise.astype(np.float32).astype(float)
         known = noise if np.isfinite(noise).all() else np.full(noise.shape, np.nan)
-        return cls(frame, found._replace(pattern=found.pattern._replace(noise=known)), left_out)
+        return cls(frame, found._replace(pattern=found.pattern._replace(noise=known)), frame.left_out)
 
     @property
     def header(self) -> Header:
@@ -56,6 +60,10 @@ class PadContact(NamedTuple):
     @property
     def sequence(self) -> int:
         return self.frame.sequence
+
+    @property
+    def acquired(self) -> float:
+        return self.frame.acquired
 
 
 def taxel_array_message(frame: PadFrame) -> TaxelArray:
@@ -72,13 +80,16 @@ def taxel_array_message(frame: PadFrame) -> TaxelArray:
     return message
 
 
-def pad_frame_of(message: TaxelArray | Contact) -> PadFrame:
-    """Return the frame from which ``message`` was created, but without the ages of its TPDOs."""
+def pad_frame_of(message: TaxelArray | Contact, acquired: float = -math.inf) -> PadFrame:
+    """Return the frame from which ``message`` was created, but without the ages of its TPDOs.
+
+    ``acquired`` is the time when the taxels were acquired, on the steady clock [s]; -inf if not known.
+    """
     layer = Layer(message.layer_depth, message.layer_deviation) if message.layer_depth else None
     return PadFrame(message.header, message.sequence, taxel_values(message),
                     np.frombuffer(message.status, np.uint8).reshape(message.rows, message.cols),
                     Taxels(message.pitch, message.unit, layer, SkinSide(message.finger_ends)),
-                    message.missing_can_frames)
+                    message.missing_can_frames, acquired)
 
 
 def taxel_values(message: TaxelArray | Contact) -> np.ndarray:
@@ -124,15 +135,23 @@ def pad_state(found: FoundContact) -> int:
     return int(Contact.EMPTY if found.visibility.pad_seen else Contact.NOT_SEEN)
 
 
-def pad_contact_of(message: Contact) -> PadContact:
-    """Return the contact from which ``message`` was created. The message states whether the pad was seen."""
-    frame = pad_frame_of(message)
+def pad_contact_of(message: Contact, acquired: float = -math.inf) -> PadContact:
+    """Return the contact from which ``message`` was created. The message states whether the pad was seen.
+
+    ``acquired`` is the time when the taxels were acquired, on the steady clock [s]; -inf if not known.
+    """
+    frame = pad_frame_of(message, acquired)
     found = FoundContact.of(_pattern(message, frame), frame.taxels, message.smallest_contact)
     seen = found.visibility._replace(pad_seen=message.pad_seen)
     return PadContact(frame, found._replace(visibility=seen), message.left_out)
 
 
 def _pattern(message: Contact, frame: PadFrame) -> ContactPattern:
+    """Return the pattern in a message, from which the recognition gives bit-identical results.
+
+    The message lacks ``is_covered`` and ``is_left_over``. Only ``pad_seen`` depends on them, and the message contains
+    ``pad_seen``.
+    """
     labels = np.frombuffer(message.labels, np.uint8).reshape(message.rows, message.cols)
     values, unmapped = frame.values.astype(float), frame.status == TaxelStatus.UNMAPPED
     return ContactPattern(

@@ -15,7 +15,7 @@ from tactile_node.grasp.tracker import GraspContact, GraspState, SideResult, Sid
 from tactile_node.ros.contact_messages import single
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.motion_messages import current_motion, is_moving
-from tactile_node.ros.shape_messages import contact_pitch, fitted_angle, number_of
+from tactile_node.ros.shape_messages import PadShape, number_of
 from tactile_node.ros.time_messages import duration_message
 from tactile_skin.msg import ContactShape, Grasp, GraspSides
 
@@ -24,77 +24,75 @@ from tactile_skin.msg import ContactShape, Grasp, GraspSides
 MOST_HIDDEN = 0.25
 
 
-def side_result(message: ContactShape, time: float) -> SideResult:
+def side_result(shape: PadShape, time: float) -> SideResult:
     """Return the result of one pad that was acquired at ``time`` on this host's clock [s]."""
-    is_hidden, centre, moves = _is_largely_hidden(message), _centre(message), is_moving(message.motion)
+    is_hidden, centre, moves = _is_largely_hidden(shape), _centre(shape), is_moving(shape.motion)
     if centre is None:
-        return SideResult(time, _reported_state(message), message.class_name, hides_creep=is_hidden, moves=moves)
-    resolution, is_bound = _of_fit(message) if message.fit_valid else _of_pressure(message)
-    return SideResult(time, _reported_state(message), message.class_name, centre, resolution,
+        return SideResult(time, _reported_state(shape), shape.class_name, hides_creep=is_hidden, moves=moves)
+    resolution, is_bound = _of_pressure(shape) if shape.centre is None else _of_fit(shape)
+    return SideResult(time, _reported_state(shape), shape.class_name, centre, resolution,
                       is_bound=is_bound or is_hidden, hides_creep=is_hidden, moves=moves)
 
 
-def _centre(message: ContactShape) -> tuple[float, float] | None:
+def _centre(shape: PadShape) -> tuple[float, float] | None:
     """Return the centre of the fit or, without a fit, the centre of pressure. None means that no centre is known."""
-    place = message.pose.pose.position if message.fit_valid else message.centre_of_pressure
-    is_known = message.taxels and message.contacts and math.isfinite(place.x) and math.isfinite(place.y)
-    return (place.x, place.y) if is_known else None
+    place = shape.centre_of_pressure if shape.centre is None else shape.centre
+    return place if shape.taxels and shape.contacts and all(map(math.isfinite, place)) else None
 
 
-def _reported_state(message: ContactShape) -> SideState:
+def _reported_state(shape: PadShape) -> SideState:
     """Return the state that the pad reports. The state is EMPTY only if the shape is NONE and the pad was seen."""
-    if message.taxels or message.contacts:
+    if shape.taxels or shape.contacts:
         return SideState.TOUCHED
-    return SideState.EMPTY if message.shape == ContactShape.NONE and message.pad_seen else SideState.UNSEEN
+    return SideState.EMPTY if shape.shape == ContactShape.NONE and shape.pad_seen else SideState.UNSEEN
 
 
-def _is_largely_hidden(message: ContactShape) -> bool:
+def _is_largely_hidden(shape: PadShape) -> bool:
     """Return True if the contact may differ from its visible part, at the pad's edge or under many hidden taxels.
 
     A few scattered hidden taxels neither cut off an edge nor hide a motion.
     """
-    return (message.at_edge or message.hidden_ring_taxels > MOST_HIDDEN * message.ring_taxels
-            or message.hidden_taxels > MOST_HIDDEN * message.taxels
-            or message.size_is_bound and not message.saturated_taxels)
+    return (shape.at_edge or shape.hidden_ring_taxels > MOST_HIDDEN * shape.ring_taxels
+            or shape.hidden_taxels > MOST_HIDDEN * shape.taxels
+            or shape.size_is_bound and not shape.saturated_taxels)
 
 
-def _of_fit(message: ContactShape) -> tuple[float, bool]:
+def _of_fit(shape: PadShape) -> tuple[float, bool]:
     """Return the resolution of the fitted centre [m], and True if the fit describes only the visible part."""
-    of_values = PATTERN_RESOLUTION if math.isnan(message.force) else FIT_RESOLUTION
-    uncertain = 2 * max(message.standard_deviations[:2], default=0.0)
-    return max(of_values * contact_pitch(message), uncertain), message.size_is_bound
+    of_values = PATTERN_RESOLUTION if math.isnan(shape.force) else FIT_RESOLUTION
+    uncertain = 2 * max(shape.standard_deviations[:2], default=0.0)
+    return max(of_values * shape.pitch, uncertain), shape.size_is_bound
 
 
-def _of_pressure(message: ContactShape) -> tuple[float, bool]:
+def _of_pressure(shape: PadShape) -> tuple[float, bool]:
     """Return the resolution of the centre of pressure [m], and True if hidden or saturated taxels may shift it."""
-    of_values = PATTERN_RESOLUTION if math.isnan(message.force) else PRESSURE_RESOLUTION
-    return of_values * contact_pitch(message), message.centre_of_pressure_is_bound
+    of_values = PATTERN_RESOLUTION if math.isnan(shape.force) else PRESSURE_RESOLUTION
+    return of_values * shape.pitch, shape.centre_of_pressure_is_bound
 
 
-def face_of(message: ContactShape) -> Face:
+def face_of(shape: PadShape) -> Face:
     """Return the properties of one pad's contact that are needed to describe the object between both pads."""
-    of_fit = message.standard_deviations[:2] if message.fit_valid else ()
-    place = _centre(message)
-    return Face(message.class_name, dict(zip(message.class_names, map(float, message.probabilities))),
-                (math.nan, math.nan) if place is None else place,
-                max(of_fit, default=message.centre_of_pressure_sd), _face_fit(message), message.pad_force,
-                message.force_sd, message.pad_force_is_bound, tuple(message.pressure_slope))
+    of_fit = () if shape.centre is None else shape.standard_deviations[:2]
+    place = _centre(shape)
+    return Face(shape.class_name, shape.probabilities, (math.nan, math.nan) if place is None else place,
+                max(of_fit, default=shape.centre_of_pressure_sd), _face_fit(shape), shape.pad_force,
+                shape.force_sd, shape.pad_force_is_bound, shape.pressure_slope)
 
 
-def _face_fit(message: ContactShape) -> FaceFit | None:
+def _face_fit(shape: PadShape) -> FaceFit | None:
     """Return the fit, or None if it has no standard deviations, because they determine the weight of the fit."""
-    if not message.fit_valid or not message.dimension_names:
+    if shape.centre is None or not shape.dimension_names:
         return None
-    of_each = dict(zip(message.parameter_names, map(float, message.standard_deviations)))
+    of_each = dict(zip(shape.parameter_names, map(float, shape.standard_deviations)))
     angle_sd = of_each.get('angle', math.inf)
-    sds = tuple(of_each.get(name, 0.0) for name in message.dimension_names)
-    if not all(0 < sd < math.inf for sd in (*sds, *([angle_sd] if message.symmetry else []))):
+    sds = tuple(of_each.get(name, 0.0) for name in shape.dimension_names)
+    if not all(0 < sd < math.inf for sd in (*sds, *([angle_sd] if shape.symmetry else []))):
         return None
-    return FaceFit(fitted_angle(message), angle_sd, message.symmetry, message.handedness,
-                   tuple(message.dimension_names), tuple(message.dimensions), sds, tuple(message.dimension_is_bound))
+    return FaceFit(shape.angle, angle_sd, shape.symmetry, shape.handedness,
+                   tuple(shape.dimension_names), tuple(shape.dimensions), sds, tuple(shape.dimension_is_bound))
 
 
-def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Opening, frame_id: str,
+def grasp_message(state: GraspState, sides: Sequence[PadShape], opening: Opening, frame_id: str,
                   ages: Sequence[float], gripper: Gripper) -> Grasp:
     """Return the grasp as a message.
 
@@ -106,13 +104,13 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
     state
         State that the grasp tracker reports.
     sides
-        Latest messages of the left and the right pad.
+        Latest shapes on the left and the right pad.
     opening
         Opening of the gripper.
     frame_id
         Frame of the gripper.
     ages
-        Ages of the two messages [s]; inf if not known.
+        Ages of the two shapes [s]; inf if not known.
     gripper
         Geometry of the gripper.
     """
@@ -129,17 +127,17 @@ def grasp_message(state: GraspState, sides: Sequence[ContactShape], opening: Ope
     return message
 
 
-def sides_message(state: GraspState, sides: Sequence[ContactShape], frame_id: str, ages: Sequence[float]) -> GraspSides:
+def sides_message(state: GraspState, sides: Sequence[PadShape], frame_id: str, ages: Sequence[float]) -> GraspSides:
     """Return the GraspSides message for the Grasp that `grasp_message` returns for the same arguments."""
-    return GraspSides(**_dated(state, sides, frame_id, ages), sides=sides)
+    return GraspSides(**_dated(state, sides, frame_id, ages), sides=[side.message for side in sides])
 
 
-def _dated(state: GraspState, sides: Sequence[ContactShape], frame_id: str, ages: Sequence[float]) -> dict[str, Any]:
+def _dated(state: GraspState, sides: Sequence[PadShape], frame_id: str, ages: Sequence[float]) -> dict[str, Any]:
     return {'header': Header(stamp=_older(sides, ages).header.stamp, frame_id=frame_id), 'age': age_message(max(ages)),
             'side_states': [int(each) for each in state.side_states]}
 
 
-def _older(sides: Sequence[ContactShape], ages: Sequence[float]) -> ContactShape:
+def _older(sides: Sequence[PadShape], ages: Sequence[float]) -> PadShape:
     """Return the older of the two results. A side without a result is returned only if both sides have none."""
     by_age = sorted(zip(ages, sides), key=lambda each: each[0], reverse=True)
     received = [side for _, side in by_age if side.header.stamp.sec or side.header.stamp.nanosec]
@@ -164,7 +162,7 @@ def _add_object(message: Grasp, held: HeldObject) -> None:
     message.confidence = single(held.confidence)
 
 
-def _add_sides(message: Grasp, state: GraspState, sides: Sequence[ContactShape], ages: Sequence[float]) -> None:
+def _add_sides(message: Grasp, state: GraspState, sides: Sequence[PadShape], ages: Sequence[float]) -> None:
     message.forces = [side.pad_force if each >= SideState.EMPTY else math.nan
                       for each, side in zip(state.side_states, sides)]
     message.force_is_bound = [side.pad_force_is_bound for side in sides]

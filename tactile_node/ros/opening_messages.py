@@ -11,7 +11,8 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from geometry_msgs.msg import Transform as TransformMessage
 
 from tactile_node.errors import ConfigurationError
-from tactile_node.grasp.gripper import PadPose, Transform, rotation_matrix
+from tactile_node.grasp.frame_tree import Transform
+from tactile_node.grasp.gripper import PadPose, rotation_matrix
 from tactile_node.grasp.opening import GapSource, LinearGap, Opening, is_plausible
 from tactile_node.ros.message_health import MessageCounts, dropped_since, dropped_values, status_of
 from tactile_node.skin.taxel_array import RejectReason, check_finite, check_time

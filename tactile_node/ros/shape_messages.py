@@ -2,8 +2,10 @@
 
 import math
 from array import array
-from functools import cached_property
-from types import SimpleNamespace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseWithCovariance, PoseWithCovarianceStamped
@@ -13,11 +15,12 @@ from std_msgs.msg import Header
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import principal_axis
 from tactile_node.pose.pipeline import StreamedContact
-from tactile_node.ros.contact_messages import PadContact, PadFrame, pad_state, single
+from tactile_node.ros.contact_messages import PadContact, pad_state, single
+from tactile_node.ros.message_age import age_since
 from tactile_node.ros.motion_messages import motion_message
 from tactile_node.ros.time_messages import duration_message, seconds
 from tactile_node.shape.recognition import Shape
-from tactile_skin.msg import ContactShape, ContactShapes
+from tactile_skin.msg import ContactMotion, ContactShape, ContactShapes
 
 #: code in ContactShape.msg -> name of the shape; the names of taught shapes have the code OTHER
 NAME_OF_NUMBER: dict[int, str] = {getattr(ContactShape, shape.name): shape.value for shape in Shape}
@@ -31,95 +34,125 @@ def number_of(class_name: str) -> int:
     return NUMBER_OF_NAME.get(class_name, ContactShape.OTHER)
 
 
+@dataclass(frozen=True)
 class PadShape:
-    """The shape on a pad.
+    """The shape on a pad, with the values that a grasp reads.
 
-    Building the message takes longer than computing all fields that a grasp reads, so it is built only when it is read.
-
-    Parameters
-    ----------
-    fields
-        Received message, or an object with those of its fields that a grasp reads.
-    result
-        Result from which ``fields`` was created; None for a received message.
-    solid_height
-        Height of the solid to add [m]; 0 to add no solid.
+    The values have the names and meanings of the fields of ContactShape.msg, unless a comment says otherwise. Building
+    the message takes longer than computing the values, so it is built only when it is read.
     """
 
-    def __init__(self, fields: ContactShape, result: StreamedContact | None = None, solid_height: float = 0.0):
-        self.fields, self._result, self._solid_height = fields, result, solid_height
+    header: Header
+    sequence: int
+    left_out: int
+    acquired: float  #: time when the taxels were acquired, on the steady clock [s]; -inf if not known
+    shape: int
+    class_name: str
+    confidence: float
+    probabilities: dict[str, float]  #: probability of each class by name
+    pad_seen: bool
+    taxels: int
+    hidden_taxels: int
+    saturated_taxels: int
+    ring_taxels: int
+    hidden_ring_taxels: int
+    saturated_ring_taxels: int
+    at_edge: bool
+    contacts: int
+    pitch: float  #: pitch of the pad [m]; 0 if there is no contact
+    force: float
+    force_sd: float
+    pad_force: float
+    pad_force_is_bound: bool
+    centre_of_pressure: tuple[float, float]
+    centre_of_pressure_sd: float
+    centre_of_pressure_is_bound: bool
+    pressure_slope: tuple[float, float]
+    size_is_bound: bool
+    motion: ContactMotion
+    make_message: Callable[['PadShape'], ContactShape]  #: returns the message of this shape
+
+    # The fit; without one, the centre is None.
+    centre: tuple[float, float] | None = None  #: centre of the fitted shape [m]
+    angle: float = math.nan  #: angle of the fitted shape's own x axis, from x towards y of the pad [rad]
+    symmetry: int = 0
+    handedness: int = 0
+    dimension_names: Sequence[str] = ()
+    dimensions: Sequence[float] = ()
+    dimension_is_bound: Sequence[bool] = ()
+    parameter_names: Sequence[str] = ()
+    standard_deviations: Sequence[float] = ()
 
     @cached_property
     def message(self) -> ContactShape:
         """Message with all its fields."""
-        return self.fields if self._result is None else _complete(self.fields, self._result, self._solid_height)
+        return self.make_message(self)
 
-    @property
-    def header(self) -> Header:
-        return self.fields.header
+    @classmethod
+    def of(cls, contact: PadContact, result: StreamedContact, method: str, solid_height: float) -> 'PadShape':
+        """Return the shape of a result.
 
-    @property
-    def sequence(self) -> int:
-        return int(self.fields.sequence)
+        Parameters
+        ----------
+        contact
+            Contacts in the taxel frame.
+        result
+            Recognised, fused and fitted contact.
+        method
+            Name of the recognition method.
+        solid_height
+            Height of the solid to add to the message [m]; 0 to add no solid.
+        """
+        fused, pattern, seen = result.fused.recognition, result.found.pattern, result.found.visibility
+        moments, fit, taxels = result.moments, result.fit, int(np.count_nonzero(result.found.pattern.mask))
+        pad_force, pad_force_is_bound = result.found.pad_force(moments)
+        of_fit: dict[str, Any] = {} if fit is None else {
+            'centre': fit.centre, 'angle': _angle_of(*_turn(fit)), 'symmetry': fit.symmetry,
+            'handedness': fit.handedness, 'dimension_names': fit.dimension_names, 'dimensions': fit.dimensions,
+            'dimension_is_bound': fit.is_bound, 'parameter_names': fit.parameter_names,
+            'standard_deviations': np.sqrt(fit.covariance.diagonal()).tolist()}
+        return cls(
+            header=contact.header, sequence=contact.sequence, left_out=contact.left_out, acquired=contact.acquired,
+            shape=number_of(fused.shape.value), class_name=fused.shape.value, confidence=single(fused.confidence),
+            probabilities=dict(zip((each.value for each in fused.probabilities),
+                                   array('f', fused.probabilities.values()))),
+            pad_seen=seen.pad_seen, taxels=taxels, hidden_taxels=seen.hidden_in_contact,
+            saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
+            saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge, contacts=pattern.contacts,
+            pitch=_pitch_of(_areas(result), taxels), force=moments.force, force_sd=moments.force_sd,
+            pad_force=pad_force, pad_force_is_bound=pad_force_is_bound, centre_of_pressure=moments.centre_of_pressure,
+            centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
+            centre_of_pressure_is_bound=moments.centre_of_pressure_is_bound, pressure_slope=moments.slope,
+            size_is_bound=moments.size_is_bound, motion=motion_message(result.motion, seconds(contact.header.stamp)),
+            make_message=partial(_message, contact, result, method, solid_height), **of_fit)
 
-    @property
-    def left_out(self) -> int:
-        return int(self.fields.left_out)
+
+#: fields that a message copies from a `PadShape`
+COPIED = ({each.name for each in fields(PadShape)} & set(ContactShape.get_fields_and_field_types())
+          - {'probabilities', 'centre_of_pressure'})
 
 
-def pad_shape(frame: PadFrame, result: StreamedContact, method: str, solid_height: float) -> PadShape:
-    """Return the shape of a result.
-
-    Parameters
-    ----------
-    frame
-        Taxel frame of the pad.
-    result
-        Recognised, fused and fitted contact in this taxel frame.
-    method
-        Name of the recognition method.
-    solid_height
-        Height of the solid to add [m]; 0 to add no solid.
-    """
-    fused, alone, pattern = result.fused.recognition, result.recognition, result.contact
-    seen, moments, fit = result.found.visibility, result.moments, result.fit
-    pad_force, pad_force_is_bound = result.found.pad_force(moments)
-    x, y = moments.centre_of_pressure
-    fields = SimpleNamespace(
-        header=frame.header, sequence=frame.sequence, left_out=0, shape=number_of(fused.shape.value),
-        class_name=fused.shape.value, unknown_reason=fused.reason, confidence=single(fused.confidence),
-        class_names=[shape.value for shape in fused.probabilities],
-        probabilities=array('f', fused.probabilities.values()),
-        frame_shape=number_of(alone.shape.value), frame_class_name=alone.shape.value,
-        held=duration_message(result.fused.held),
-        fused_frames=result.fused.frames, method=method, pad_seen=seen.pad_seen,
-        taxels=int(np.count_nonzero(pattern.mask)), hidden_taxels=seen.hidden_in_contact,
-        saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
-        saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge,
-        missing_can_frames=frame.missing_can_frames,
-        contacts=pattern.contacts, others_present=pattern.contacts > 1,
-        contact_areas=[taxels * result.found.taxels.pitch**2 for taxels in pattern.sizes],
-        force=moments.force, force_sd=moments.force_sd, force_is_bound=moments.force_is_bound, pad_force=pad_force,
-        pad_force_is_bound=pad_force_is_bound, centre_of_pressure=Point(x=x, y=y),
-        centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
-        centre_of_pressure_is_bound=moments.centre_of_pressure_is_bound, contact_area=moments.area,
-        pressure_slope=moments.slope, size_is_bound=moments.size_is_bound,
-        motion=motion_message(result.motion, seconds(frame.header.stamp)), fit_valid=fit is not None,
-        pose=SimpleNamespace(pose=_pose(fit)))
-    if fit is not None:
-        _add_fit(fields, fit)
-    return PadShape(fields, result, solid_height)
+def pad_shape_of(message: ContactShape, acquired: float = -math.inf) -> PadShape:
+    """Return the shape in a message, whose taxels were acquired at ``acquired`` on the steady clock [s]."""
+    place, pressed = message.pose.pose.position, message.centre_of_pressure
+    others: dict[str, Any] = {
+        'acquired': acquired, 'probabilities': dict(zip(message.class_names, map(float, message.probabilities))),
+        'pitch': contact_pitch(message), 'centre_of_pressure': (pressed.x, pressed.y),
+        'pressure_slope': tuple(message.pressure_slope), 'make_message': lambda shape: message,
+        'centre': (place.x, place.y) if message.fit_valid else None, 'angle': fitted_angle(message)}
+    return PadShape(**others, **{each.name: getattr(message, each.name) for each in fields(PadShape)
+                                 if each.name not in others})
 
 
 def contact_pitch(message: ContactShape) -> float:
     """Return the pitch of the pad [m], or 0 if there is no contact."""
-    return math.sqrt(message.contact_areas[0] / message.taxels) if message.taxels and message.contacts else 0.0
+    return _pitch_of(message.contact_areas, message.taxels) if message.contacts else 0.0
 
 
 def fitted_angle(message: ContactShape) -> float:
     """Return the angle of the fitted shape's own x axis, from x towards y of the pad [rad]."""
     turn = message.pose.pose.orientation
-    return 2 * math.atan2(turn.z, turn.w)
+    return _angle_of(turn.z, turn.w)
 
 
 def shapes_message(contact: PadContact, contacts: int, shapes: list[ContactShape]) -> ContactShapes:
@@ -133,15 +166,43 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
-def _complete(fields: SimpleNamespace, result: StreamedContact, solid_height: float) -> ContactShape:
-    """Return the message with ``fields`` and with those that no grasp reads, such as box, solid and outline."""
-    box, fit, alone = result.found.box, result.fit, result.recognition.probabilities
+def _areas(result: StreamedContact) -> list[float]:
+    return [taxels * result.found.taxels.pitch**2 for taxels in result.found.pattern.sizes]
+
+
+def _pitch_of(contact_areas: Sequence[float], taxels: int) -> float:
+    """Return the pitch from the areas of all contacts and the number of taxels of the largest one."""
+    return math.sqrt(contact_areas[0] / taxels) if taxels and contact_areas else 0.0
+
+
+def _turn(fit: ShapeFit) -> tuple[float, float]:
+    """Return the components z and w of the rotation from the pad to the fitted shape as a quaternion."""
+    return float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
+
+
+def _angle_of(z: float, w: float) -> float:
+    return 2 * math.atan2(z, w)
+
+
+def _message(contact: PadContact, result: StreamedContact, method: str, solid_height: float,
+             shape: PadShape) -> ContactShape:
+    """Return the message of a shape. Box, solid, outline and covariances are computed only here."""
+    fused, alone, moments, fit = result.fused, result.recognition, result.moments, result.fit
+    box, probabilities = result.found.box, result.fused.recognition.probabilities
     covariance = np.full(36, np.nan) if fit is None else fit.pose_covariance.reshape(-1)
-    pose = PoseWithCovariance(pose=fields.pose.pose, covariance=covariance)
-    message = ContactShape(**vars(fields) | {'pose': pose})
-    message.frame_probabilities = [alone.get(shape, 0.0) for shape in result.fused.recognition.probabilities]
-    message.principal_axis = principal_axis(result.contact.mask)
-    message.residual = math.nan if fit is None else fit.residual
+    x, y = shape.centre_of_pressure
+    message = ContactShape(
+        **{name: getattr(shape, name) for name in COPIED}, age=age_since(contact.acquired),
+        unknown_reason=fused.recognition.reason, class_names=list(shape.probabilities),
+        probabilities=array('f', probabilities.values()), frame_shape=number_of(alone.shape.value),
+        frame_class_name=alone.shape.value,
+        frame_probabilities=[alone.probabilities.get(each, 0.0) for each in probabilities],
+        held=duration_message(fused.held), fused_frames=fused.frames, method=method,
+        missing_can_frames=contact.frame.missing_can_frames, others_present=shape.contacts > 1,
+        contact_areas=_areas(result), force_is_bound=moments.force_is_bound, centre_of_pressure=Point(x=x, y=y),
+        contact_area=moments.area, fit_valid=fit is not None,
+        pose=PoseWithCovariance(pose=_pose(fit), covariance=covariance),
+        principal_axis=principal_axis(result.found.pattern.mask), residual=math.nan if fit is None else fit.residual)
     message.box_centre.x, message.box_centre.y = box.centre
     message.box_angle, message.box_lengths = box.angle, box.lengths
     message.box_centre_sd, message.box_angle_sd, message.box_lengths_sd = box.centre_sd, box.angle_sd, box.lengths_sd
@@ -154,14 +215,6 @@ def _complete(fields: SimpleNamespace, result: StreamedContact, solid_height: fl
     return message
 
 
-def _add_fit(fields: SimpleNamespace, fit: ShapeFit) -> None:
-    fields.symmetry, fields.handedness = fit.symmetry, fit.handedness
-    fields.dimension_names, fields.dimensions = fit.dimension_names, fit.dimensions
-    fields.dimension_is_bound = fit.is_bound
-    fields.parameter_names = fit.parameter_names
-    fields.standard_deviations = np.sqrt(fit.covariance.diagonal()).tolist()
-
-
 def _pose(fit: ShapeFit | None) -> Pose:
     """Return the pose of the fit. Without a fit, every number is NaN, so that no reader takes the pose as valid."""
     message = Pose()
@@ -170,7 +223,7 @@ def _pose(fit: ShapeFit | None) -> Pose:
         place.x = place.y = place.z = turn.x = turn.y = turn.z = turn.w = math.nan
     else:
         place.x, place.y = fit.centre
-        turn.z, turn.w = float(np.sin(fit.angle / 2)), float(np.cos(fit.angle / 2))
+        turn.z, turn.w = _turn(fit)
     return message
 
 

@@ -95,7 +95,7 @@ class RecognitionFusion:
         self._is_over = True
         self._start(TOUCHING_CLASSES)
 
-    def update(self, stamp: float, frame: Recognition) -> FusedRecognition:
+    def update(self, stamp: float, alone: Recognition) -> FusedRecognition:
         """Add the recognition of one frame, and return the fused result.
 
         If the most probable class of a frame is NONE, the frame ends the contact and is reported immediately. A frame
@@ -109,7 +109,7 @@ class RecognitionFusion:
         ----------
         stamp : float
             Stamp of the frame [s].
-        frame : Recognition
+        alone : Recognition
             Recognition of the frame.
 
         Raises
@@ -117,14 +117,14 @@ class RecognitionFusion:
         InputError
             Raised if a number is NaN or infinite, because it would stay in the evidence.
         """
-        _check(stamp, frame)
-        if not frame.is_evidence:
+        _check(stamp, alone)
+        if not alone.is_evidence:
             self._frames = 0
-            return FusedRecognition(frame, stamp, held=0.0, frames=0)
+            return FusedRecognition(alone, stamp, held=0.0, frames=0)
         passed = float('inf') if self._stamp is None else stamp - self._stamp
-        touching = tuple(shape for shape in frame.probabilities if shape is not Shape.NONE)
-        ends = frame.shape is Shape.NONE or frame.reason is UnknownReason.TOO_SMALL
-        begins_empty = frame.shape is Shape.NONE and self._shape is not Shape.NONE
+        touching = tuple(shape for shape in alone.probabilities if shape is not Shape.NONE)
+        ends = alone.shape is Shape.NONE or alone.reason is UnknownReason.TOO_SMALL
+        begins_empty = alone.shape is Shape.NONE and self._shape is not Shape.NONE
         if (ends is not self._is_over or begins_empty or touching != self._touching
                 or not 0 <= passed <= self._settings.max_gap):
             self.reset()
@@ -132,11 +132,11 @@ class RecognitionFusion:
             self._start(touching)
         self._stamp = stamp
         self._is_over = ends
-        if frame.shape is Shape.NONE:
-            return self._report(stamp, frame.shape, frame)
-        self._add(frame, passed)
-        if frame.shape is Shape.UNKNOWN:
-            self._reason = frame.reason
+        if alone.shape is Shape.NONE:
+            return self._report(stamp, alone.shape, alone)
+        self._add(alone, passed)
+        if alone.shape is Shape.UNKNOWN:
+            self._reason = alone.reason
         total = sum(self._evidence)
         mean = {shape: evidence / total for shape, evidence in zip(self._touching, self._evidence)}
         return self._report(stamp, self._chosen(), Recognition.of(mean))
@@ -145,9 +145,9 @@ class RecognitionFusion:
         self._touching = touching
         self._evidence = [0.0] * len(touching)  # weighted sum of the probabilities
 
-    def _add(self, frame: Recognition, passed: float) -> None:
+    def _add(self, alone: Recognition, passed: float) -> None:
         kept = self._settings.kept(passed)
-        self._evidence = [kept * before + frame.probabilities[shape]
+        self._evidence = [kept * before + alone.probabilities[shape]
                           for before, shape in zip(self._evidence, self._touching)]
 
     def _chosen(self) -> ShapeClass:
@@ -170,7 +170,7 @@ class RecognitionFusion:
                                 self._frames)
 
 
-def _check(stamp: float, frame: Recognition) -> None:
-    if not all(map(isfinite, (stamp, *frame.probabilities.values()))):
+def _check(stamp: float, alone: Recognition) -> None:
+    if not all(map(isfinite, (stamp, *alone.probabilities.values()))):
         raise InputError('frame to fuse', expected='a finite stamp and finite probabilities',
-                         got=f'{stamp}, {dict(frame.probabilities)}', remedy='Do not fuse this frame.')
+                         got=f'{stamp}, {dict(alone.probabilities)}', remedy='Do not fuse this frame.')

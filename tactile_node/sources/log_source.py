@@ -10,9 +10,8 @@ import can
 
 from tactile_node.assembly.facts import BusFacts
 from tactile_node.assembly.fault_text import node_label, order_text
-from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import BusFault, Failure
-from tactile_node.assembly.router import Router, non_data_kind
+from tactile_node.assembly.router import OnFrame, Router, non_data_kind
 from tactile_node.cia301.objects import HEARTBEAT, SDO_REQUEST, SDO_RESPONSE
 from tactile_node.errors import DeviceError, LogError
 from tactile_node.logs.log_lines import OneBus
@@ -20,6 +19,7 @@ from tactile_node.logs.log_reader import SET_BACK, CanLogReader
 from tactile_node.logs.logged_set_up import HeardNodes, LoggedSetUp
 from tactile_node.logs.replay_times import WHOLE, PlayedTimes, RecordedPace, TimeWindow
 from tactile_node.skin.pads import PadSettings, check_pads, identities_of
+from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.threads import StoppableThread
 
 logger = logging.getLogger(__name__)
@@ -78,7 +78,8 @@ class LogSource:
         check_pads(pads)
         self._path = path
         self._pace = pace
-        self._router = Router(tuple(pads), on_frame, drop_incomplete=drop_incomplete)
+        self._on_frame = on_frame
+        self._router = Router(tuple(pads), self._deliver, drop_incomplete=drop_incomplete)
         self.reader = CanLogReader(path, channel, window)
         self._messages: Iterator[can.Message] | None = None
         self.heard = HeardNodes(pads)
@@ -135,10 +136,6 @@ class LogSource:
     def close(self) -> None:
         self.stop()
         self._messages = None
-
-    def acquired(self, stamp: float) -> float:
-        """Return the time when ``stamp`` was played [s], or an upper bound for stamps played long ago."""
-        return self._played.time_of(stamp)
 
     def auto_zero(self, pad: str) -> int:
         raise DeviceError(f'pad {pad!r}', expected='a device that zeroes itself', got=f'the log {self._path}',
@@ -210,6 +207,10 @@ class LogSource:
                            ', '.join(map(str, strangers)))
         self.finished.set()
         logger.info('The log %s has ended: %s', self._path, self.reader.summary)
+
+    def _deliver(self, name: str, frame: TaxelFrame) -> None:
+        """Deliver a taxel frame as if it had been acquired when its stamp was played."""
+        self._on_frame(name, frame._replace(acquired=self._played.time_of(frame.stamp)))
 
     def _check(self, message: can.Message) -> None:
         """Raise LogError for a second bus or a contradiction.

@@ -83,28 +83,26 @@ class NodeTrust:
         """Distrust the node until it has been configured."""
         self._configured = None
 
-    def only_trusted(self, frame: TaxelFrame, acquired: float) -> TaxelFrame:
+    def only_trusted(self, frame: TaxelFrame) -> TaxelFrame:
         """Return ``frame`` without those values of the node that may not match the layout, and count such frames.
 
         Parameters
         ----------
         frame
             Taxel frame of the node's pad.
-        acquired
-            Time when the frame was acquired [s].
         """
-        untrusted = self._untrusted(frame, acquired)
+        untrusted = self._untrusted(frame)
         if not untrusted:
             return frame
         self.frames_distrusted += 1
         return without_values(frame, untrusted)
 
-    def _untrusted(self, frame: TaxelFrame, acquired: float) -> Sequence[TpdoLayout | DomainLayout]:
+    def _untrusted(self, frame: TaxelFrame) -> Sequence[TpdoLayout | DomainLayout]:
         """Return those of the node's TPDOs (or its DOMAIN) whose values in ``frame`` may not match the layout."""
         carriers, ages = self._node.layout.carriers, frame.tpdo_ages
         if not self.is_trusted or self._senders.are_two:
             return carriers
         if ages is None:
-            return () if acquired >= self._trusted_from else carriers
+            return () if frame.acquired >= self._trusted_from else carriers
         return [carrier for carrier in carriers
-                if carrier.taxels and acquired - ages.of(*carrier.taxels[0][:2]) < self._trusted_from]
+                if carrier.taxels and frame.acquired - ages.of(*carrier.taxels[0][:2]) < self._trusted_from]

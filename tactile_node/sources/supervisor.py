@@ -15,8 +15,8 @@ from dataclasses import replace
 from typing import TypeVar
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.assembly.frame_source import OnFrame
 from tactile_node.assembly.health import Failure, Outages
+from tactile_node.assembly.router import OnFrame
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_settings import BusSettings
 from tactile_node.bus.log_throttle import LogThrottle
@@ -76,7 +76,7 @@ class Supervisor:
         self._by_pad = {pad.name: [SupervisedNode(self._bus, NodeMonitor(node, self.bus_monitor, *timeouts), recover)
                                    for node in pad.nodes] for pad in pads}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
-        self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.traffic.chain.post, data_timeout=timeouts[1])
+        self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.queue.chain.post, data_timeout=timeouts[1])
         self._outages: Outages[Failure] = Outages()  # outages of the bus
         self._retries = Retries()  # attempts to reopen the bus
         self._throttle = LogThrottle()
@@ -144,9 +144,6 @@ class Supervisor:
         if thread is not None and thread is not threading.current_thread():
             thread.join()
         self._bus.close()
-
-    def acquired(self, stamp: float) -> float:
-        return self._bus.traffic.clock.acquired(stamp)
 
     def auto_zero(self, pad: str) -> int:
         return self._bus.devices.auto_zero(pad)
@@ -268,9 +265,9 @@ class Supervisor:
             node.monitor.expect(time.monotonic())
 
     def _deliver_trusted(self, name: str, frame: TaxelFrame) -> None:
-        acquired = self.acquired(frame.stamp)
+        frame = frame._replace(acquired=self._bus.queue.clock.acquired(frame.stamp))
         for node in self._by_pad[name]:
-            frame = node.monitor.trust.only_trusted(frame, acquired)
+            frame = node.monitor.trust.only_trusted(frame)
         self._on_frame(name, frame)
 
 

@@ -101,7 +101,7 @@ class BusSource(ViewSource):
         while not stopping.is_set():
             begun = time.monotonic()
             for pad, frame in frames.take(FACTS_PERIOD).items():
-                self.store.put(recognisers[pad].state(frame, bus.acquired(frame.stamp)))
+                self.store.put(recognisers[pad].state(frame, frame.acquired))
             if time.monotonic() - looked >= FACTS_PERIOD:
                 looked = time.monotonic()
                 self.store.put_bus(bus.facts())

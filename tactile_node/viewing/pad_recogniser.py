@@ -71,7 +71,7 @@ def seen_contact(shape: ShapeClass, reason: UnknownReason, probabilities: Mappin
 
 
 def _streamed(result: StreamedContact, stamp: float) -> SeenContact:
-    contact, recognition, motion = result.contact, result.fused.recognition, result.motion
+    contact, recognition, motion = result.found.pattern, result.fused.recognition, result.motion
     seen = seen_contact(recognition.shape, recognition.reason,
                         {each.value: value for each, value in recognition.probabilities.items()}, contact.mask,
                         result.fit, result.moments)

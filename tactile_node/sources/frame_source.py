@@ -3,21 +3,16 @@
 The driver node uses a bus or a log only through this interface.
 """
 
-from collections.abc import Callable
 from typing import Protocol
 
 from tactile_node.assembly.facts import BusFacts
-from tactile_node.taxel_frame import TaxelFrame
-
-#: Function that receives the name of a pad and each of its taxel frames.
-OnFrame = Callable[[str, TaxelFrame], None]
 
 
 class FrameSource(Protocol):
     """Source of taxel frames.
 
-    A source calls ``on_frame`` with each taxel frame. A bus calls it on the chain thread of the process, and a log on
-    its own thread.
+    A source calls ``on_frame`` with each taxel frame, which contains the time of acquisition on the steady clock. A bus
+    calls it on the chain thread of the process, and a log on its own thread.
     """
 
     def open(self) -> None:
@@ -43,15 +38,6 @@ class FrameSource(Protocol):
 
     def close(self) -> None:
         """Release the bus or the log. ``close`` is allowed in every state and may be repeated."""
-
-    def acquired(self, stamp: float) -> float:
-        """Return the time on the steady clock when a frame was acquired or played [s].
-
-        Parameters
-        ----------
-        stamp : float
-            Stamp of the frame [s].
-        """
 
     def auto_zero(self, pad: str) -> int:
         """Tell the devices of a pad to zero themselves (CiA 404).

@@ -1,4 +1,4 @@
-"""Stamp the CAN frames of one bus, and post them to the chain, which assembles them."""
+"""Stamp the CAN frames of one bus, and queue them for the chain, which assembles them."""
 
 import time
 from collections import Counter
@@ -7,8 +7,9 @@ from math import inf
 
 import can
 
+from tactile_node.assembly.free_bus import BatchArrival
 from tactile_node.assembly.health import BusFault
-from tactile_node.assembly.router import Router, non_data_kind
+from tactile_node.assembly.router import Router, StampedMessage, non_data_kind
 from tactile_node.bus.batch_reader import Batch
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import OnFailure
@@ -18,8 +19,8 @@ from tactile_node.cia301.objects import SDO_REQUEST
 from tactile_node.errors import BusError
 
 
-class Traffic:
-    """Posts every received message, and every sent message that the assembler needs, to the chain.
+class CanQueue:
+    """Queues every received message, and every sent message that the assembler needs, for the chain.
 
     Parameters
     ----------
@@ -56,7 +57,6 @@ class Traffic:
         #: data frames lost because the queue was full, and CAN frames of any kind that the kernel has dropped
         self.overruns = 0
         self.others: Counter[str] = Counter()  #: messages without data, by kind, counted when they are received
-        self._last_arrival = -inf  # stamp before which all messages so far had arrived
         self._is_gap = True  # True if messages before the next batch may be missing
         self._read_at = 0.0  # time at which the last batch was read, on the steady clock
 
@@ -87,55 +87,33 @@ class Traffic:
         is_gap = self._is_gap or batch.dropped > 0
         self._is_gap = True  # there is a gap, unless this batch gets into the queue
         self.overruns += batch.dropped
-        stamped = []
+        stamped: list[StampedMessage] = []
         for message in batch.messages:
             kind = non_data_kind(message)
             self._observe(message, kind)
             stamped.append((message, kind, inf if message.is_error_frame else self.clock.of(message.timestamp)))
         if self._posted - self._fed + len(stamped) <= self._queue_limit:
             self._posted += len(stamped)
-            self.chain.post(self._feed, stamped, self._arrival(batch), self._most_free(batch, is_gap))
+            self.chain.post(self._feed, stamped, self._arrival(batch, is_gap))
             self._is_gap = batch.dropped > 0
         else:
             self.overruns += sum(kind is None for _, kind, _ in stamped)
 
-    def _arrival(self, batch: Batch) -> tuple[float, float] | None:
-        """Return the two stamps between which all frames of a batch arrived.
-
-        Return None if each frame's stamp is its time of arrival.
-        """
+    def _arrival(self, batch: Batch, is_gap: bool) -> BatchArrival:
+        """Return when a batch arrived. If frames before it may be missing (``is_gap``), the bus was not free."""
+        now = time.monotonic()
+        after, until = batch.arrival or (now, now)
+        most_free = 0.0 if is_gap else max(0.0, after - self._read_at)
+        self._read_at = until
         if batch.arrival is None:
-            return None
+            return BatchArrival(None, most_free)
         lead = self.clock.now() - time.monotonic()
-        after, until = batch.arrival
-        return after + lead, until + lead
+        return BatchArrival((after + lead, until + lead), most_free)
 
-    def _most_free(self, batch: Batch, is_gap: bool) -> float:
-        """Return an upper bound on the time for which the bus was free before this batch, on the steady clock [s].
-
-        The bound is 0 if frames before this batch may be missing (``is_gap``).
-        """
-        after, read = batch.arrival or (time.monotonic(),) * 2
-        before, self._read_at = self._read_at, read
-        return 0.0 if is_gap else max(0.0, after - before)
-
-    def _feed(self, stamped: list[tuple[can.Message, str | None, float]], arrival: tuple[float, float] | None,
-              most_free: float) -> None:
-        """Feed the messages of a batch, with their kinds and stamps, to the router, on the chain thread.
-
-        If the stamps advance by more than the steady clock, the difference does not count as free time of the bus.
-        """
+    def _feed(self, stamped: list[StampedMessage], arrival: BatchArrival) -> None:
+        """Feed the messages of a batch to the router, on the chain thread."""
         self._fed += len(stamped)
-        for message, kind, stamp in stamped:
-            after, until = arrival or (stamp, stamp)
-            if not message.is_error_frame:
-                not_free = max(0.0, after - self._last_arrival - most_free)
-                self._router.free_bus.was_unobserved(after, not_free)
-                self._last_arrival = until
-            if kind is None:
-                self._router.feed(message.arbitration_id, bytes(message.data), stamp, after)
-            else:
-                self._router.saw_other(message, stamp)
+        self._router.feed_batch(stamped, arrival)
 
     def _observe(self, message: can.Message, kind: str | None) -> None:
         """Feed a message to the monitor, count it if it has no data, and report bus-off."""
