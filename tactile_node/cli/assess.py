@@ -28,6 +28,7 @@ from tactile_node.cli.touch_sources import OfLastName, touches_of
 from tactile_node.errors import ConfigurationError, InputError
 from tactile_node.learning.assess import (
     LEAST_TOUCHES,
+    UNKNOWN_TOUCHES,
     Answers,
     Assessment,
     LabelledTouch,
@@ -95,6 +96,11 @@ def run(args: argparse.Namespace) -> int:
     if found.adaptation is None:
         print(f'tactile: {args.output} was not written. Use the model as it is.', file=sys.stderr)
         return REFUSED_CODE
+    if not found.adaptation.makes_sure and any(adaptation.makes_sure for adaptation in recogniser.adaptations.values()):
+        print(f'tactile: {args.output} was not written. {model} is adapted with unknown objects, and the new '
+              'adaptation would replace this one. Press unknown objects as well, or assess the model without an '
+              'adaptation.', file=sys.stderr)
+        return REFUSED_CODE
     arrays = {name: array for name, array in base.items() if not is_of_skin(name)}
     arrays |= arrays_of(found.kind, found.adaptation)
     with output_file(args.output, inputs=inputs) as stream:
@@ -135,10 +141,10 @@ def _report(found: Assessment) -> Iterator[str]:
     kept = (f'kept, with temperature {found.adaptation.temperature:.2f}' if found.adaptation
             else 'not kept, because the improvement is too small or too uncertain')
     yield f'The adaptation improves the Brier score by {found.improvement}: {kept}.'
-    if found.adaptation and found.adaptation.names == 1:
-        yield ('All touches have the same name, so it is not known how this skin shows other objects. Other objects '
-               'may get this name more often. Therefore the adaptation makes no answer sure. Press other objects as '
-               'well.')
+    if found.adaptation and not found.adaptation.makes_sure:
+        yield (f'Fewer than {UNKNOWN_TOUCHES} touches show unknown objects, so it is not known how this skin shows '
+               'objects of other shapes. They may get the names of the touched objects more often. Therefore the '
+               'adaptation makes no further name sure. Press unknown objects as well.')
 
 
 def _table(answers: Answers) -> Iterator[str]:

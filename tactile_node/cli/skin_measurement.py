@@ -17,6 +17,7 @@ from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.errors import ConfigurationError
 from tactile_node.gripper.ros_gripper import RosGripper
 from tactile_node.output_file import output_file
+from tactile_node.shape.recognition import Shape
 from tactile_node.taxel_frame import TaxelFrame
 
 DISC = 'circle'  #: name under which `tactile assess` knows the disc of `tactile calibrate`
@@ -63,7 +64,9 @@ def measure_skin(gripper: RosGripper, person: Person, pad: str, record: Commissi
         words = [word for name in names
                  for word in ('--name', name, '--from', _recording(gripper, person, pad, folder, name, name))]
         text = _printed(assess, [*words, '--output', str(model)])
-        record.save('assessment', {'file': str(model.resolve()) if model.exists() else '', 'text': text})
+        # without unknown objects, it is not known how the adapted model answers other objects
+        is_used = model.exists() and Shape.UNKNOWN.value in names
+        record.save('assessment', {'file': str(model.resolve()) if is_used else '', 'text': text})
     return 'response' in record and not gripper.first_frame.layer_depth
 
 

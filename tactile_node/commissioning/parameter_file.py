@@ -48,7 +48,8 @@ def measured_parameters(found: Evaluation, plan: CommissioningPlan) -> MeasuredP
         if file := found.of_skin(step).get('file'):
             nodes[node][name] = [file] if node == 'skin_driver' else file
         else:
-            absent[name] = 'the skin was not measured' if not found.of_skin(step) else 'the model was not improved'
+            absent[name] = ('the model was not improved, or no unknown objects were touched' if found.of_skin(step)
+                            else 'the skin was not measured')
     _add_opening(nodes, absent, found, plan)
     _add_pads(nodes, absent, found, plan)
     _add_closing(nodes, absent, found, plan)

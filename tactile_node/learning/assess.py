@@ -20,13 +20,16 @@ from tactile_node.learning.teach import Rate
 from tactile_node.shape.adaptation import LEAST_PROBABILITY, Adaptation
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.patch import joined, make_patch
-from tactile_node.shape.recogniser import FEWEST_TAXELS, KINDS, ShapeRecogniser
+from tactile_node.shape.recogniser import FEWEST_TAXELS, KINDS, OUTPUTS, ShapeRecogniser
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass
 from tactile_node.shape.support import SURE
 from tactile_node.taxel_frame import read_only
 
 FOLDS = 8           #: Number of parts into which the touches are divided. Each part is held out once.
 LEAST_TOUCHES = 8   #: Smallest total number of touches to which an adaptation is fitted.
+#: Smallest number of touches of unknown objects with which an adaptation may make a name sure. On computed skins, an
+#: adaptation without such touches made unknown objects sure, with however many other names.
+UNKNOWN_TOUCHES = 8
 #: Number of touches that all background contacts together count as. With 1000, the adaptation hardly improved the
 #: Tekscan array. With 30, more objects without a touch were named wrongly on the ViTac and Weiss arrays.
 BACKGROUND_TOUCHES = 100.0
@@ -41,7 +44,7 @@ BIAS_SPREAD = 2.0
 #: Prior standard deviation of a weight. On the same simulated skins, smaller values improved the score less. Larger
 #: values made the recognition worse for unknown objects that had not been touched.
 WEIGHT_SPREAD = 0.18
-#: Relative change of the loss at which a fit ends. A smaller change alters no probability by 0.001.
+#: Relative change of the loss at which a fit ends. A smaller change alters the probabilities by less than 0.01.
 FITTED = 1e-6
 CONFIDENCE_LIMITS = 0.0, 0.5, 0.7, 0.9, 1.0  #: Limits between the groups of recognitions with similar confidence.
 NAMELESS = Shape.UNKNOWN, Shape.NONE
@@ -180,18 +183,19 @@ def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
     examples = _Examples.of(recogniser.adapted({}), touches)
     if len(examples.touch) < LEAST_TOUCHES:
         return Assessment(before)
+    makes_sure = bool(examples.targets[:, OUTPUTS.index(Shape.UNKNOWN)].sum() >= UNKNOWN_TOUCHES)
     examples = examples.joined(_Examples.of_background(recogniser, examples.kind, background(examples.kind)))
     folds = np.array([labels[:k].count(label) % FOLDS for k, label in enumerate(labels)])
     found = list(before.found)
     for fold in range(FOLDS):
         held_out = np.flatnonzero(folds == fold).tolist()
-        adapted = recogniser.adapted({examples.kind: examples.without(held_out).fitted()})
+        adapted = recogniser.adapted({examples.kind: examples.without(held_out).fitted(makes_sure)})
         for k, answer in zip(held_out, _answers(adapted, [touches[k] for k in held_out])):
             found[k] = answer
     after = Answers(labels, found)
     improvement = Improvement.of(before, after)
     return Assessment(before, after, improvement, examples.kind,
-                      examples.fitted() if improvement.is_worth_it else None)
+                      examples.fitted(makes_sure) if improvement.is_worth_it else None)
 
 
 def _answers(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch]) -> list[Recognition]:
@@ -246,7 +250,7 @@ class _Examples(NamedTuple):
         return _Examples(self.logits[kept], self.embedding[kept], self.targets[kept], self.weights[kept],
                          self.touch[kept], self.kind)
 
-    def fitted(self) -> Adaptation:
+    def fitted(self, makes_sure: bool) -> Adaptation:
         """Return the adaptation with the highest posterior probability."""
         outputs = self.logits.shape[1]
         inputs = np.column_stack((np.ones(len(self.logits)), self.embedding))
@@ -269,8 +273,7 @@ class _Examples(NamedTuple):
         best = minimize(loss, np.zeros(1 + inputs.shape[1] * outputs), jac=True, method='L-BFGS-B',
                         options={'ftol': FITTED}).x
         matrix = best[1:].reshape(-1, outputs)
-        names = len(np.unique(self.targets[self.touch >= 0].argmax(1)))
-        return Adaptation(float(np.exp(best[0])), read_only(matrix[0]), read_only(matrix[1:]), names)
+        return Adaptation(float(np.exp(best[0])), read_only(matrix[0]), read_only(matrix[1:]), makes_sure)
 
 
 def _logits(probabilities: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ class Unused(IntEnum):
 
     NOT_KNOWN = 0
     SEVERAL_CONTACTS = 1
-    AT_EDGE = 2    #: the contact touches an edge of the pad, or is cut by it
+    AT_EDGE = 2    #: an edge of the pad may cut the contact
     TOO_SMALL = 3
     HIDDEN = 4     #: too many taxels of the contact are dead, missing or stuck
     SHAPELESS = 5  #: the contact is ragged, is a line, or reaches across the pad, so that its shape is always UNKNOWN

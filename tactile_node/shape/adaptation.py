@@ -6,8 +6,8 @@
 - A linear function of the network's embedding is added to the logarithms, because a skin may make one shape look like
   another.
 
-The networks and the heads of taught shapes do not change. If all touches had the same name, the adaptation has not seen
-how this skin shows other objects. Such an adaptation makes no class sure.
+The networks and the heads of taught shapes do not change. Without touches of unknown objects, an adaptation has not
+seen how this skin shows objects of other shapes. Such an adaptation makes no name sure (`shape.methods`).
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_node.shape.support import SURE, UNSUPPORTED
 from tactile_node.taxel_frame import read_only
 
 ADAPTATION_VERSION = 3      #: Version of the adaptation's arrays in a file.
@@ -32,10 +31,10 @@ class Adaptation(NamedTuple):
     temperature: float
     biases: np.ndarray   #: (N,)
     weights: np.ndarray  #: (F, N)
-    names: int           #: number of different names among the touches
+    makes_sure: bool     #: True if a name may be sure that is not sure without the adaptation
 
     def applied(self, probabilities: np.ndarray, embedding: np.ndarray) -> np.ndarray:
-        """Return the adapted probabilities.
+        """Return the adapted probabilities. A class with the probability 0, which is not recognised, keeps it.
 
         Parameters
         ----------
@@ -51,18 +50,15 @@ class Adaptation(NamedTuple):
 
         Examples
         --------
-        >>> Adaptation(2.0, np.zeros(2), np.zeros((1, 2)), 2).applied(np.array([[0.9, 0.1]]), np.ones((1, 1))).round(4)
+        >>> adaptation = Adaptation(2.0, np.zeros(2), np.zeros((1, 2)), makes_sure=True)
+        >>> adaptation.applied(np.array([[0.9, 0.1]]), np.ones((1, 1))).round(4)
         array([[0.75, 0.25]])
         """
         logits = np.log(np.maximum(probabilities, LEAST_PROBABILITY)) / self.temperature
         logits += self.biases + embedding @ self.weights
+        logits[probabilities == 0] = -np.inf
         odds = np.exp(logits - logits.max(1, keepdims=True))
         adapted: np.ndarray = odds / odds.sum(1, keepdims=True)
-        if self.names == 1:
-            made_sure = (adapted >= SURE) & (probabilities < SURE)
-            others = np.where(made_sure, 0.0, adapted) + np.finfo(float).tiny
-            rest = others * (1 - UNSUPPORTED) / others.sum(1, keepdims=True)
-            adapted = np.where(made_sure.any(1, keepdims=True), np.where(made_sure, UNSUPPORTED, rest), adapted)
         return adapted
 
 
@@ -98,14 +94,13 @@ def _adaptation(data: Mapping[str, np.ndarray], kind: str, outputs: int, width: 
         raise ValueError(f'an adaptation to a skin of version {version}, not {ADAPTATION_VERSION}')
     arrays = [data[f'{kind}{ADAPTATION_MARK}{part}'] for part in Adaptation._fields]
     shapes = [array.shape for array in arrays]
-    if shapes != [(), (outputs,), (width, outputs), ()] or [array.dtype.kind for array in arrays] != [*'fffi']:
+    if shapes != [(), (outputs,), (width, outputs), ()] or [array.dtype.kind for array in arrays] != [*'fffb']:
         raise ValueError(f'an adaptation to a skin that does not fit {outputs} outputs and {kind} frames')
     temperature, biases, weights = (read_only(array.astype(float)) for array in arrays[:3])
-    names = int(arrays[3])
-    if names < 1 or temperature < 1 / LARGEST_NUMBER or any(np.abs(each).max() > LARGEST_NUMBER
+    if temperature < 1 / LARGEST_NUMBER or any(np.abs(each).max() > LARGEST_NUMBER
                                                for each in (temperature, biases, weights)):
         raise ValueError('an adaptation with numbers out of range')
-    return Adaptation(float(temperature), biases, weights, names)
+    return Adaptation(float(temperature), biases, weights, bool(arrays[3]))
 
 
 def arrays_of(kind: str, adaptation: Adaptation) -> dict[str, np.ndarray]:

@@ -46,11 +46,12 @@ from tactile_node.shape.recognition import (
     METHOD_FILES,
     VOLF,
     Recognition,
+    Shape,
     ShapeClass,
     UnknownReason,
 )
 from tactile_node.shape.shapeless import is_cut, is_shapeless
-from tactile_node.shape.support import as_far_as_supported
+from tactile_node.shape.support import SURE, UNSUPPORTED, as_far_as_supported
 from tactile_node.shape.volf import VolfClassifier
 from tactile_node.taxel_frame import read_only
 
@@ -85,6 +86,8 @@ class VisibilityGuard:
     - A contact is UNKNOWN if it may consist of specks or lines formed by chance. The reason is NOT_SEEN if hidden
       taxels matter.
     - For every other UNKNOWN contact, `why_unfamiliar` determines the reason.
+    - If the method is adapted to a skin without touches of unknown objects, a name is sure only if it is also sure
+      without the adaptation.
 
     Parameters
     ----------
@@ -94,6 +97,7 @@ class VisibilityGuard:
 
     def __init__(self, method: RecognitionMethod):
         self._method = method
+        self._unadapted: RecognitionMethod | None = getattr(method, 'unadapted', None)
         self.classes = method.classes
 
     def recognise(self, pattern: ContactPattern, visibility: Visibility | None = None) -> Recognition:
@@ -106,21 +110,30 @@ class VisibilityGuard:
         visibility : Visibility or None
             Visibility of the pattern, or None to compute it from the pattern.
         """
-        found = self._recognise(pattern, visibility or visibility_of(pattern))
+        visibility = visibility or visibility_of(pattern)
+        found = self._supported(self._method, pattern, visibility)
+        if self._unadapted is not None and found.shape not in (Shape.UNKNOWN, Shape.NONE) and found.confidence >= SURE:
+            before = self._supported(self._unadapted, pattern, visibility)
+            if before.shape != found.shape or before.confidence < SURE:
+                found = found.no_surer_than(UNSUPPORTED, UnknownReason.UNFAMILIAR)
+        return found.over(self.classes)
+
+    def _supported(self, method: RecognitionMethod, pattern: ContactPattern, visibility: Visibility) -> Recognition:
+        found = self._recognise(method, pattern, visibility)
         if found.reason is UnknownReason.UNFAMILIAR:
             found = found._replace(reason=why_unfamiliar(pattern))
-        return as_far_as_supported(found, pattern).over(self.classes)
+        return as_far_as_supported(found, pattern)
 
-    def _recognise(self, pattern: ContactPattern, visibility: Visibility) -> Recognition:
+    def _recognise(self, method: RecognitionMethod, pattern: ContactPattern, visibility: Visibility) -> Recognition:
         if not pattern.contacts and not visibility.pad_seen:
             return Recognition.unknown(UnknownReason.COVERS_PAD if pattern.is_covered else UnknownReason.NOT_SEEN)
         if is_shapeless(pattern):
             return Recognition.unknown(UnknownReason.NOT_SEEN if hidden_taxels_matter(pattern, visibility)
                                        else UnknownReason.UNFAMILIAR)
         if not hidden_taxels_matter(pattern, visibility):
-            return self._method.recognise_all([pattern])[0]
+            return method.recognise_all([pattern])[0]
         readings, which = _distinct([pattern, *completions(pattern)])
-        found = self._method.recognise_all(readings)
+        found = method.recognise_all(readings)
         if found[0].reason is UnknownReason.TOO_SMALL:
             return Recognition.unknown(UnknownReason.NOT_SEEN)
         is_little = visibility.hidden_in_ring < FEW_HIDDEN * visibility.ring

@@ -115,7 +115,8 @@ class ShapeRecogniser:
         Heads of the taught shapes by kind of frame. Without a head for its kind, a frame is never recognised as a
         taught shape.
     adaptations : Mapping[str, Adaptation]
-        Adaptations to a skin by kind of frame. Without an adaptation for a kind, the probabilities are not changed.
+        Adaptations to a skin by kind of frame, also an attribute. Without an adaptation for a kind, the probabilities
+        are not changed.
 
     Attributes
     ----------
@@ -123,15 +124,19 @@ class ShapeRecogniser:
         Class of each column of the answers' probabilities.
     classes : tuple[ShapeClass, ...]
         All classes that a recognition may report.
+    unadapted : ShapeRecogniser or None
+        The recogniser without its adaptations, if one of them must make no name sure.
     """
 
     def __init__(self, networks: dict[str, Network], calibrations: dict[str, Calibration],
                  taught: tuple[TaughtShape, ...] = (), heads: Mapping[str, Head] = MappingProxyType({}),
                  adaptations: Mapping[str, Adaptation] = MappingProxyType({})):
         self._networks, self._calibrations, self._heads = networks, calibrations, heads
-        self._taught, self._adaptations = taught, adaptations
+        self._taught, self.adaptations = taught, adaptations
         self.outputs: tuple[ShapeClass, ...] = (*OUTPUTS, *taught)
         self.classes: tuple[ShapeClass, ...] = (*Shape, *taught)
+        may_all = all(adaptation.makes_sure for adaptation in adaptations.values())
+        self.unadapted: ShapeRecogniser | None = None if may_all else self.adapted({})
 
     @classmethod
     def from_file(cls, path: str | Path) -> 'ShapeRecogniser':
@@ -266,8 +271,8 @@ class ShapeRecogniser:
         convex = np.array([not patch.graded or is_convex(*contact) for patch, contact in zip(patches, contacts)])
         known[~convex] = _as_foreign(known[~convex])
         probabilities = self.with_taught(kind, known, embedding, log_taxels)
-        if kind in self._adaptations:
-            probabilities = self._adaptations[kind].applied(probabilities, embedding)
+        if kind in self.adaptations:
+            probabilities = self.adaptations[kind].applied(probabilities, embedding)
         return NetworkAnswers(probabilities, embedding, geometry)
 
     def embedding(self, patches: Sequence[Patch], geometry: np.ndarray) -> np.ndarray:

@@ -77,6 +77,9 @@ SMALL = 16
 PARTIAL = 0.25
 #: A contact is cut by an edge of the pad if the number of its taxels at that edge exceeds this share of sqrt(taxels).
 CUT_SHARE = 0.5
+#: A contact that reaches three edges shows its width if it has at most this share of sqrt(taxels) at all edges
+#: together. A corner taxel counts at two edges.
+ACROSS_SHARE = 1.5
 #: Smallest negative logarithm of the probability that all taxels of a compact contact are pressed by chance.
 BEYOND_CHANCE = 15.0
 
@@ -88,7 +91,7 @@ def is_shapeless(pattern: ContactPattern) -> bool:
 
     - The contact is a group that may have formed by chance at the density of the pressed taxels beside it.
     - The contact is a line one taxel wide.
-    - Three edges of the pad together cut the contact, so that its width is not seen.
+    - The contact reaches three edges of the pad with many taxels, so that its width is not seen.
     - The contact is a rise in the readings without an edge.
     - The contact is one piece of a noisy line, or a band of rows on a pad with hum.
 
@@ -159,12 +162,12 @@ def _taxels_at_edges(contact: np.ndarray) -> list[int]:
 
 
 def _is_across(mask: np.ndarray) -> bool:
-    """Return True if the contact reaches three edges of the pad with so many taxels that an edge cuts it on average.
+    """Return True if the contact reaches three edges of the pad with many of its taxels.
 
     A bar across the pad reaches only two edges and shows its width.
     """
     at_edges = _taxels_at_edges(mask)
-    return sum(map(bool, at_edges)) >= 3 and sum(at_edges) > 3 * CUT_SHARE * float(np.count_nonzero(mask)) ** 0.5
+    return sum(map(bool, at_edges)) >= 3 and sum(at_edges) > ACROSS_SHARE * float(np.count_nonzero(mask)) ** 0.5
 
 
 def _is_string(mask: np.ndarray, together: np.ndarray) -> bool:
