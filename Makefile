@@ -135,7 +135,7 @@ $(BENCH_VENV)/.installed: requirements/bench.txt | setup
 	@touch $@
 
 # These benchmarks need further packages, or a file for their results.
-OTHER_BENCHES := $(patsubst %,bench/bench_%.py,recognition grasps put_down unknown)
+OTHER_BENCHES := $(patsubst %,bench/bench_%.py,recognition grasps put_down)
 bench: setup $(BENCH_VENV)/.installed  ## measure speed and accuracy against the alternatives, in one run
 	@for file in $(filter-out $(OTHER_BENCHES),$(wildcard bench/bench_*.py)); do \
 		$(BIN)/python $$file || exit 1; done
