@@ -5,12 +5,12 @@ import logging
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 from can_bench import tiny_layout
+from candump import DATA, read_candump
 
 from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.health import BusFault, TpdoOrder
@@ -23,7 +23,6 @@ from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
 
-DATA = Path(__file__).parent / 'data'
 RING = DATA / 'nus_ring_session.log.gz'
 
 
@@ -56,6 +55,26 @@ def test_ring_session_accounts_for_every_can_frame():
     assert counted == {'nmt': ids.count(0), 'sdo': sum(i in (0x620, 0x5A0) for i in ids), 'sync': syncs,
                        'heartbeat': ids.count(0x720), 'tpdo': tpdos}
     assert sum(counted.values()) == len(ids)
+
+
+def test_ring_session_has_the_bits_of_each_sweep():
+    """The test decodes the log without the code under test.
+
+    The TPDO of row r holds the 64 taxels of that row, and bit 0 is the first taxel.
+    """
+    frames, _ = play(RING, nus_pad())
+    stamps, sweeps = [], []
+    for line in read_candump(RING.name):
+        if line.can_id == 0x080:
+            stamps.append(line.stamp)
+            sweeps.append({})
+        elif 0x180 < line.can_id < 0x500:
+            sweeps[-1][line.can_id] = int.from_bytes(line.data, 'little')
+    assert [frame.stamp for _, frame in frames] == pytest.approx(stamps, abs=1e-6)
+    assert [frame.sequence for _, frame in frames] == list(range(len(stamps)))
+    for (_, frame), sweep in zip(frames, sweeps, strict=True):
+        rows = [row for _, row in sorted(sweep.items())]
+        np.testing.assert_array_equal(frame.values, [[row >> bit & 1 for bit in range(64)] for row in rows])
 
 
 def test_ring_session_shows_the_ring():

@@ -553,6 +553,39 @@ def with_sequence(sequence):
     return message
 
 
+@pytest.mark.parametrize('lossless', [False, True])
+def test_only_the_newest_waiting_message_is_processed_except_in_a_lossless_replay(chain, lossless):
+    """If a slow callback got the oldest message first, it would lag by the whole queue for ever."""
+    received: list[TaxelArray] = []
+    subscription = GuardedSubscription(chain.peer, TaxelArray, 'taxels', received.append, frames_qos(DEPTH, lossless),
+                                       check=check_taxel_array, newest_only=True, lossless=lossless)
+    publisher = chain.publisher(TaxelArray, 'taxels', lossless=lossless)
+    for sequence in range(10):
+        publisher.publish(with_sequence(sequence))
+    chain.until(lambda: subscription.counts.received == 10)
+    assert [message.sequence for message in received] == (list(range(10)) if lossless else [9])
+    assert subscription.counts == MessageCounts(10, len(received), {}, 0, 10 - len(received))
+
+
+def test_frames_that_an_earlier_stage_left_out_do_not_count_as_lost(chain):
+    """In an earlier version, the processor left out frames within its allowance of 5 %.
+
+    The classifier then reported the omitted frames as lost.
+    """
+    left_out: list[int] = []
+    subscription = GuardedSubscription(chain.peer, Contact, 'contact', check=lambda message: None,
+                                       qos=frames_qos(DEPTH),
+                                       callback=lambda message: left_out.append(subscription.left_out))
+    publisher = chain.publisher(Contact, 'contact')
+    # One message is lost between the last two messages.
+    for sequence, before in ((1, 0), (2, 0), (5, 2), (9, 2)):
+        message = Contact(sequence=sequence, left_out=before)
+        message.header.stamp = time_message(STAMP + 0.02 * sequence)
+        publisher.publish(message)
+    chain.until(lambda: subscription.counts.received == 4)
+    assert subscription.counts.skipped == 1 and left_out == [0, 0, 2, 2]
+
+
 def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
     subscription, _ = guarded(chain)
     assert subscription.health.age == INF
