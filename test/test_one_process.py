@@ -22,7 +22,7 @@ from examples.demo.topics import frame_topics
 from tactile_node.chain import Step
 from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import bus_nodes
-from tactile_node.nodes import message_guard
+from tactile_node.nodes import message_guard, spinner
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.processor_node import MOST_WAITING, ProcessorNode
@@ -398,6 +398,20 @@ def test_a_bag_that_records_everything_changes_no_count():
             assert contacts.counts.received == contacts.counts.processed + contacts.counts.overtaken
             assert contacts.counts.received == taxels.counts.processed
             assert not contacts.counts.skipped and contacts._subscription is None
+
+
+def test_a_spinner_that_waits_stops_at_once(monkeypatch):
+    """If the end came only with the timeout of the wait, every command would end up to a second late."""
+    monkeypatch.setattr(spinner, 'EVENTS_PERIOD', 2 * TIMEOUT)
+    node, called = rclpy.create_node('idle'), threading.Event()
+    idle = spinner.Spinner([node])
+    node.executor.create_task(called.set)
+    assert called.wait(TIMEOUT)
+    stopping = threading.Thread(target=idle.stop)
+    stopping.start()
+    stopping.join(TIMEOUT)
+    assert not stopping.is_alive()
+    node.destroy_node()
 
 
 def replaying(path, **more):
