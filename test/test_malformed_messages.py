@@ -22,7 +22,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.type_hash import TypeHash
-from ros_bench import TIMEOUT, RosBench, features_fit
+from ros_bench import TIMEOUT, RosBench, VirtualTime, features_fit
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
@@ -510,21 +510,22 @@ def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):
     assert chain.dropped('/left/classifier', 4) == {'stamp_ahead': 4}
 
 
-def guarded(chain, topic='taxels'):
+def guarded(chain, topic='taxels', steady=time.monotonic):
     received: list = []
     return GuardedSubscription(chain.peer, TaxelArray, topic, received.append, frames_qos(DEPTH),
-                               check=check_taxel_array), received
+                               check=check_taxel_array, steady=steady), received
 
 
 def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain):
-    subscription, received = guarded(chain)
+    clock = VirtualTime()
+    subscription, received = guarded(chain, steady=clock.now)
     publisher = chain.publisher(TaxelArray, 'taxels')
     for sequence in (7, 8, 11, 12, 2**64 - 1, 13, 14, 16, 0, 1, 1):
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: subscription.counts.received == 11)
     # The messages 2^64 - 1, 0, 1 and 1 are dropped, because the earlier publisher may still continue.
     assert subscription.counts.dropped == {R.OTHER_SOURCE: 4}
-    time.sleep(SOURCE_HOLD)
+    clock.advance(SOURCE_HOLD + 0.01)
     for sequence in (2, 3):
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: len(received) == 9)
@@ -587,24 +588,19 @@ def test_frames_that_an_earlier_stage_left_out_do_not_count_as_lost(chain):
 
 
 def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
-    subscription, _ = guarded(chain)
+    clock = VirtualTime()
+    subscription, received = guarded(chain, steady=clock.now)
     assert subscription.health.age == INF
     publisher = chain.publisher(TaxelArray, 'taxels')
-    started = time.monotonic()
-    while time.monotonic() - started < 1.0:  # After this time, the subscription has found the smallest transport delay.
-        message = good_taxels()
-        message.header.stamp = time_message(STAMP + time.monotonic() - started)
+    for number in range(1, 51):  # After a second, the subscription has found the smallest transport delay.
+        clock.advance(0.02)
+        message = good_taxels(number)
         message.age = duration_message(0.25)
         publisher.publish(message)
-        chain.executor.spin_once(timeout_sec=0.02)
-        time.sleep(0.02)
-    earliest = time.monotonic()
-    first = subscription.health.age
-    begun = time.monotonic()
-    assert 0.25 <= first < INF
-    time.sleep(0.3)
-    ended = time.monotonic()
-    assert ended - begun <= subscription.health.age - first <= time.monotonic() - earliest
+        chain.wait_for(received, number)
+    assert subscription.health.age == pytest.approx(0.25)
+    clock.advance(0.3)
+    assert subscription.health.age == pytest.approx(0.55)
 
 
 def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
