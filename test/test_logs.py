@@ -122,12 +122,6 @@ def test_oddities_of_a_log_are_counted_by_service(tmp_path):
     assert source.facts().pad('pad').losses[LossReason.BEFORE_FIRST_SYNC] == 1
 
 
-def test_bad_lines_are_counted_and_the_rest_is_read(tmp_path):
-    log = tiny_log(tmp_path, SYNC, 'garbage', ROWS[0], '(1.15) can0 28', ROWS[1], ROWS[2], '(1.4) can0 0')
-    frames, source = play(log, tiny_pads(tmp_path))
-    assert source.facts().unread_log_lines == 3 and source.facts().pad('pad').frames_complete == len(frames) == 1
-
-
 @pytest.mark.parametrize('suffix', ['.log', '.log.gz', '.mcap'])
 def test_a_log_cut_short_is_read_up_to_the_cut_and_reported(tmp_path, suffix):
     whole, cut, random = tmp_path / f'x{suffix}', tmp_path / f'cut{suffix}', np.random.default_rng(3)
@@ -160,7 +154,8 @@ def test_a_line_cut_short_never_reads_as_another_frame(tmp_path):
 @pytest.mark.parametrize(('name', 'content'), [
     ('empty.log', b''), ('prose.log', b'This is no log.\nNor is this.\n'), ('x.pdf', b'abc'),
     ('bin.log', bytes(range(256))),
-    ('no.log.gz', b'not gzip'), ('x.blf', b'LOGG'), ('x.asc', b''), ('x.trc', b'nonsense\n')])
+    ('no.log.gz', b'not gzip'), ('x.blf', b'LOGG'), ('x.asc', b''), ('x.trc', b'nonsense\n'), ('x.mcap', b''),
+    ('x.mcap', b'\x89MCAP0\r\n' + bytes(50)), ('x.db3', b''), ('x.db3', b'SQLite format 3\0' + bytes(200))])
 def test_a_log_without_can_frames_is_an_error(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(LogError, match=name):
