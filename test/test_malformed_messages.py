@@ -377,10 +377,14 @@ def test_codes_are_stable():
 
 
 class Chain(RosBench):
-    """Our nodes, which the test spins, and a peer node that publishes to them and listens."""
+    """Our nodes, which the test spins, and a peer node that publishes to them and listens.
+
+    The nodes report their health each second of virtual time, which passes only in `until_reported`.
+    """
 
     def __init__(self, stack):
         super().__init__(stack)
+        self.clock = VirtualTime()
         self.diagnostics: list[DiagnosticStatus] = []
         self.stamps: list[Time] = []  # Stamps of the received diagnostics.
         self.peer = self.add('peer')
@@ -404,9 +408,17 @@ class Chain(RosBench):
     def wait_for(self, messages: list, count: int) -> None:
         self.until(lambda: len(messages) >= count)
 
+    def until_reported(self, condition) -> None:
+        """Wait until a condition on the reports is true."""
+        def is_met():
+            self.clock.advance(1.0)
+            self.settle()
+            return condition()
+        self.until(is_met)
+
     def dropped(self, node: str, total: int) -> dict[str, int]:
         """Wait until /diagnostics counts ``total`` dropped messages of a node, and return the counts by reason."""
-        self.until(lambda: sum(self._dropped(node).values()) >= total)
+        self.until_reported(lambda: sum(self._dropped(node).values()) >= total)
         return self._dropped(node)
 
     def _dropped(self, node: str) -> dict[str, int]:
@@ -436,7 +448,7 @@ def send_all(chain, publisher, good, cases, results) -> dict[str, int]:
 
 def test_no_taxel_array_stops_a_processor_and_the_other_pad_continues(chain):
     for pad in ('left', 'right'):
-        chain.add(ProcessorNode(namespace=f'/{pad}'))
+        chain.add(chain.clock.of(ProcessorNode)(namespace=f'/{pad}'))
     left, right = (chain.listen(ContactFeatures, f'/{pad}/features') for pad in ('left', 'right'))
     bad, other = (chain.publisher(TaxelArray, f'/{pad}/taxels') for pad in ('left', 'right'))
     cases = sent_cases(check_taxel_array)
@@ -449,7 +461,7 @@ def test_no_taxel_array_stops_a_processor_and_the_other_pad_continues(chain):
 
 
 def test_no_malformed_contact_stops_a_classifier_or_enters_its_fusion(chain):
-    chain.add(ClassifierNode(namespace='/left'))
+    chain.add(chain.clock.of(ClassifierNode)(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
     cases = sent_cases(check_contact)
@@ -462,7 +474,7 @@ def test_no_malformed_contact_stops_a_classifier_or_enters_its_fusion(chain):
 
 
 def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
-    chain.add(ClassifierNode(namespace='/left'))
+    chain.add(chain.clock.of(ClassifierNode)(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
     extreme = good_contact(1)
@@ -475,7 +487,7 @@ def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
 
 def test_no_malformed_shape_stops_a_grasp_or_breaks_its_hold(chain):
     """The node runs as in a lossless replay, because the stamps of the shapes do not follow real time."""
-    chain.add(GraspNode(parameter_overrides=[Parameter('lossless', value=True)]))
+    chain.add(chain.clock.of(GraspNode)(parameter_overrides=[Parameter('lossless', value=True)]))
     grasps = chain.listen(Grasp, '/grasp')
     publishers = {side: chain.publisher(ContactShape, f'/{side}/shape', lossless=True) for side in ('left', 'right')}
     cases = cases_of(check_contact_shape)  # A grasp is stable only after so many shapes.
@@ -495,7 +507,7 @@ def test_no_malformed_shape_stops_a_grasp_or_breaks_its_hold(chain):
 
 def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):
     """If the stamp were accepted, the shape would be held for an hour, and later frames would lie in the past."""
-    chain.add(ClassifierNode(namespace='/left'))
+    chain.add(chain.clock.of(ClassifierNode)(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
     for sequence in range(1, 21):
@@ -605,22 +617,22 @@ def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
 
 def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
     """The arrays of both publishers alternate, so a consumer of the latest array would see two skins as one."""
-    chain.add(ProcessorNode(namespace='/left'))
+    chain.add(chain.clock.of(ProcessorNode)(namespace='/left'))
     chain.publisher(TaxelArray, '/left/taxels')
-    chain.until(lambda: fact(chain, 'faults') == 'SILENT')
+    chain.until_reported(lambda: fact(chain, 'faults') == 'SILENT')
     with caplog.at_level(logging.WARNING, 'tactile_node'):
         other = chain.add(rclpy.create_node('other_driver', namespace='/gripper'))
         publisher = other.create_publisher(TaxelArray, '/left/taxels', frames_qos(DEPTH))
-        chain.until(lambda: 'SEVERAL_PUBLISHERS' in fact(chain, 'faults'))
+        chain.until_reported(lambda: 'SEVERAL_PUBLISHERS' in fact(chain, 'faults'))
         status = chain.diagnostics[-1]
         assert status.level == WARN and fact(chain, 'publishers') == '2'
         assert '/gripper/other_driver' in status.message and '/peer' in status.message
         reported = len(chain.diagnostics)
-        chain.wait_for(chain.diagnostics, reported + 2)
+        chain.until_reported(lambda: len(chain.diagnostics) >= reported + 2)
         assert len([record for record in caplog.records
                     if getattr(record, 'fact', None) is StreamFault.SEVERAL_PUBLISHERS]) == 1
     other.destroy_publisher(publisher)
-    chain.until(lambda: fact(chain, 'faults') == 'SILENT')
+    chain.until_reported(lambda: fact(chain, 'faults') == 'SILENT')
 
 
 def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch):
@@ -675,13 +687,14 @@ def test_an_exception_is_counted_and_logged_once_with_its_traceback(chain, caplo
 
 
 def test_health_continues_with_simulated_time_and_no_clock(chain):
-    chain.add(ProcessorNode(namespace='/gripper_a/left', parameter_overrides=[Parameter('use_sim_time', value=True)]))
+    chain.add(chain.clock.of(ProcessorNode)(namespace='/gripper_a/left', parameter_overrides=[
+        Parameter('use_sim_time', value=True)]))
     publisher = chain.publisher(TaxelArray, '/gripper_a/left/taxels')
 
     for message, level in ((None, STALE), (good_taxels(), OK), (TaxelArray(), WARN), (None, STALE)):
         if message is not None:
             publisher.publish(message)
-        chain.until(lambda level=level: chain.diagnostics and chain.diagnostics[-1].level == level)
+        chain.until_reported(lambda level=level: chain.diagnostics and chain.diagnostics[-1].level == level)
     assert {status.name for status in chain.diagnostics} == {'/gripper_a/left/processor'}
     values = {pair.key: pair.value for pair in chain.diagnostics[-1].values}
     assert (values['received'], values['processed'], values['dropped_no_taxels']) == ('2', '1', '1')
