@@ -449,7 +449,7 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
         assert begun.wait(TIMEOUT)
         begin = time.monotonic()
         system.driver.trigger_deactivate()
-        assert time.monotonic() - begin < 2.0
+        assert time.monotonic() - begin < TIMEOUT / 2  # a blocked stage would hold it up for TIMEOUT
         go.set()
     system.destroy()
 
