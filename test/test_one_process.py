@@ -22,11 +22,11 @@ from examples.demo.topics import frame_topics
 from tactile_node.chain import Step
 from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import bus_nodes
-from tactile_node.nodes import message_guard, spinner
+from tactile_node.nodes import message_guard
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.processor_node import MOST_WAITING, ProcessorNode
-from tactile_node.nodes.spinner import spinning
+from tactile_node.nodes.spinner import Spinner, spinning
 from tactile_node.nodes.stage import StageInput, Stages
 from tactile_node.nodes.system import System
 from tactile_node.pose.pipeline import Taxels
@@ -402,9 +402,9 @@ def test_a_bag_that_records_everything_changes_no_count():
 
 def test_a_spinner_that_waits_stops_at_once(monkeypatch):
     """If the end came only with the timeout of the wait, every command would end up to a second late."""
-    monkeypatch.setattr(spinner, 'EVENTS_PERIOD', 2 * TIMEOUT)
+    monkeypatch.setattr('tactile_node.nodes.spinner.EVENTS_PERIOD', 2 * TIMEOUT)
     node, called = rclpy.create_node('idle'), threading.Event()
-    idle = spinner.Spinner([node])
+    idle = Spinner([node])
     node.executor.create_task(called.set)
     assert called.wait(TIMEOUT)
     stopping = threading.Thread(target=idle.stop)
