@@ -134,8 +134,8 @@ $(BENCH_VENV)/.installed: requirements/bench.txt | setup
 	@$(BENCH_VENV)/bin/python -m pip install --disable-pip-version-check --progress-bar off --quiet -r $<
 	@touch $@
 
-# These benchmarks need further packages, or a file for their results.
-OTHER_BENCHES := $(patsubst %,bench/bench_%.py,recognition grasps put_down unknown)
+# These benchmarks need further packages.
+OTHER_BENCHES := $(patsubst %,bench/bench_%.py,recognition grasps)
 bench: setup $(BENCH_VENV)/.installed  ## measure speed and accuracy against the alternatives, in one run
 	@for file in $(filter-out $(OTHER_BENCHES),$(wildcard bench/bench_*.py)); do \
 		$(BIN)/python $$file || exit 1; done

@@ -68,13 +68,13 @@ MODULE_MARKS = re.compile(r'^pytestmark = (\[.*?\]|.*?)$', re.MULTILINE | re.DOT
 
 #: Estimated wall time of the slowest test files in `make test` [s]. Every other file counts as OTHER_WALL_TIME.
 WALL_TIME = {
-    'test_assess.py': 20, 'test_bringup.py': 15, 'test_can_commands.py': 25, 'test_commissioning.py': 30,
+    'test_assess.py': 20, 'test_can_commands.py': 25, 'test_commissioning.py': 30,
     'test_contact_moments.py': 15, 'test_demo.py': 20, 'test_documented_commands.py': 35,
     'test_driver_conditioning.py': 20, 'test_driver_recovery.py': 50, 'test_event_skins.py': 15, 'test_faults.py': 60,
     'test_finalized.py': 20, 'test_full_bus.py': 10, 'test_grasp_node.py': 25, 'test_grasp_requests.py': 15,
     'test_gripper_crash.py': 50, 'test_gripper_duplicates.py': 30, 'test_gripper_faults.py': 10,
-    'test_gripper_node.py': 25, 'test_link.py': 40, 'test_malformed_messages.py': 35, 'test_misled.py': 15,
-    'test_motion.py': 40, 'test_one_process.py': 25, 'test_other_skin.py': 15, 'test_planner_client.py': 15,
+    'test_gripper_node.py': 25, 'test_link.py': 40, 'test_malformed_messages.py': 10, 'test_misled.py': 15,
+    'test_motion.py': 40, 'test_one_process.py': 10, 'test_other_skin.py': 15, 'test_planner_client.py': 15,
     'test_planner_loop.py': 20, 'test_put_down.py': 20, 'test_reproduction.py': 15, 'test_skin_bus.py': 15,
     'test_slow_device.py': 15, 'test_teach.py': 15, 'test_touch_client.py': 15, 'test_tutorial.py': 50}
 OTHER_WALL_TIME = 3

@@ -236,12 +236,6 @@ def test_an_error_of_the_makers_library_is_passed_on_with_the_workaround(monkeyp
     assert '..' not in str(refused.value)
 
 
-def test_replay_reports_when_a_pad_has_no_tpdo(capsys):
-    log = DATA / 'sim16x16_two_pads.log.gz'
-    assert run(replay, log, '--node-id', 5) == 1
-    assert 'no TPDO. Check --node-id' in capsys.readouterr().err
-
-
 @pytest.mark.parametrize('words', [('--output', 'x.npy'), ('--output', '/nowhere/x.npz'), ('--node-id', '0'),
                                    ('--pads', 'left,right'), ('--pads', 'a b')])
 def test_replay_refuses_before_it_plays(words):

@@ -1,15 +1,18 @@
 """Tests for the grasps that the node publishes.
 
-In these tests, a pad stops sending shapes, sees only a part of a contact, or uses another clock.
+In these tests, a pad stops sending shapes, sees only a part of a contact, or uses another clock, and the fingers stop
+reporting their opening.
 """
 
 import copy
 import math
 from functools import partial
 
+import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from ros_bench import TIMEOUT, TimedBench
+from sensor_msgs.msg import JointState
 from test_malformed_messages import good_shape
 
 from tactile_node.nodes import grasp_node
@@ -183,3 +186,58 @@ def test_a_side_that_never_answers_is_not_known(make_gripper):
     gripper.until(lambda: len(gripper.grasps) > 20)
     assert {(grasp.contact, grasp.fresh) for _, grasp in gripper.grasps} == {(Grasp.NOT_KNOWN, False)}
     assert age_seconds(gripper.latest.age) == math.inf
+
+
+#: Largest age of the opening [s], which is no multiple of PERIOD, because the age is rounded to nanoseconds.
+GAP_LIMIT = 0.305
+FINGERS = ['left_finger', 'right_finger']
+#: Two fingers that each move by half of the opening, with pads mounted as in a drawing [m, rad].
+MEASURED = [
+    ('gap_source', Parameter.Type.STRING, 'joint_states'), ('gap_joints', Parameter.Type.STRING_ARRAY, FINGERS),
+    ('max_gap_age', Parameter.Type.DOUBLE, GAP_LIMIT),
+    *((name, Parameter.Type.DOUBLE_ARRAY, value) for name, value in {
+        'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-math.pi / 2, 0.0, 0.0],
+        'right_xyz': [-0.015, 0.0, 0.115], 'right_rpy': [math.pi / 2, 0.0, 0.0]}.items())]
+
+
+def check_place(grasp: Grasp) -> None:
+    """Check a grasp against the drawing, in which both squares are 11 mm from column 0 and 13 mm from row 0."""
+    left, right, gap, across = grasp.left_centre, grasp.right_centre, grasp.gap, 0.004
+    place = partial(pytest.approx, abs=2e-5)
+    assert (left.x, left.y, left.z) == place((-0.004, -gap / 2, 0.132))
+    assert (right.x, right.y, right.z) == place((-0.004, gap / 2, 0.128))
+    assert grasp.offset == place(across) and grasp.width == place(math.hypot(gap, across))
+    assert grasp.misalignment == pytest.approx(math.atan2(across, gap), abs=0.002)
+    assert (grasp.midpoint.x, grasp.midpoint.y, grasp.midpoint.z) == place((-0.004, 0.0, 0.130))
+
+
+def test_no_grasp_has_a_wrong_or_an_old_opening(make_gripper):
+    gripper = make_gripper(MEASURED)
+    joints = gripper.add('joints').create_publisher(JointState, '/joint_states', 10)
+    gripper.until_joined(joints.get_subscription_count)
+
+    def run(opening=None, sides=BOTH) -> list[Grasp]:
+        """Return the grasps of half a second, during which the fingers report ``opening`` once per PERIOD."""
+        since = gripper.steady()
+        for _ in range(round(0.5 / PERIOD)):
+            if opening is not None:
+                joints.publish(JointState(name=FINGERS, position=[opening / 2] * 2))
+            gripper.run(PERIOD, sides)
+        return [grasp for _, grasp in gripper.after(since)]
+    gripper.run_until(lambda grasp: grasp.fresh, 'a grasp of both')
+    unknown = run()
+    assert all(np.isnan([grasp.gap, grasp.width, grasp.midpoint.x]).all() for grasp in unknown)
+    assert unknown[-1].offset == pytest.approx(0.004, abs=2e-5)
+    known = [*run(0.040), *run(0.020)]
+    openings = [round(grasp.gap, 6) for grasp in known]
+    assert openings == sorted(openings, reverse=True) and set(openings) == {0.04, 0.02}
+    for grasp in known:
+        check_place(grasp)
+    stopped = run()
+    ages = [age_seconds(grasp.gap_age) for grasp in stopped]
+    assert all(math.isnan(grasp.gap) or age <= GAP_LIMIT for grasp, age in zip(stopped, ages))
+    assert all(math.isnan(grasp.width) == math.isnan(grasp.gap) for grasp in stopped)
+    assert math.isnan(stopped[-1].gap) and ages[-1] > GAP_LIMIT
+    assert stopped[-1].fresh and stopped[-1].gap_source == Grasp.GAP_JOINT_STATES
+    silent = run(0.060, sides=())[-1]
+    assert not silent.fresh and silent.gap == pytest.approx(0.060) and math.isnan(silent.width)

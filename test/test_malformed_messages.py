@@ -22,7 +22,7 @@ from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.type_hash import TypeHash
-from ros_bench import TIMEOUT, RosBench, features_fit
+from ros_bench import TIMEOUT, RosBench, VirtualTime, features_fit
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
@@ -380,10 +380,14 @@ def test_codes_are_stable():
 
 
 class Chain(RosBench):
-    """Our nodes, which the test spins, and a peer node that publishes to them and listens."""
+    """Our nodes, which the test spins, and a peer node that publishes to them and listens.
+
+    The nodes report their health each second of virtual time, which passes only in `until_reported`.
+    """
 
     def __init__(self, stack):
         super().__init__(stack)
+        self.clock = VirtualTime()
         self.diagnostics: list[DiagnosticStatus] = []
         self.stamps: list[Time] = []  # Stamps of the received diagnostics.
         self.peer = self.add('peer')
@@ -407,9 +411,17 @@ class Chain(RosBench):
     def wait_for(self, messages: list, count: int) -> None:
         self.until(lambda: len(messages) >= count)
 
+    def until_reported(self, condition) -> None:
+        """Wait until a condition on the reports is true."""
+        def is_met():
+            self.clock.advance(1.0)
+            self.settle()
+            return condition()
+        self.until(is_met)
+
     def dropped(self, node: str, total: int) -> dict[str, int]:
         """Wait until /diagnostics counts ``total`` dropped messages of a node, and return the counts by reason."""
-        self.until(lambda: sum(self._dropped(node).values()) >= total)
+        self.until_reported(lambda: sum(self._dropped(node).values()) >= total)
         return self._dropped(node)
 
     def _dropped(self, node: str) -> dict[str, int]:
@@ -439,7 +451,7 @@ def send_all(chain, publisher, good, cases, results) -> dict[str, int]:
 
 def test_no_taxel_array_stops_a_processor_and_the_other_pad_continues(chain):
     for pad in ('left', 'right'):
-        chain.add(ProcessorNode(namespace=f'/{pad}'))
+        chain.add(chain.clock.of(ProcessorNode)(namespace=f'/{pad}'))
     left, right = (chain.listen(ContactFeatures, f'/{pad}/features') for pad in ('left', 'right'))
     bad, other = (chain.publisher(TaxelArray, f'/{pad}/taxels') for pad in ('left', 'right'))
     cases = sent_cases(check_taxel_array)
@@ -452,7 +464,7 @@ def test_no_taxel_array_stops_a_processor_and_the_other_pad_continues(chain):
 
 
 def test_no_malformed_contact_stops_a_classifier_or_enters_its_fusion(chain):
-    chain.add(ClassifierNode(namespace='/left'))
+    chain.add(chain.clock.of(ClassifierNode)(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
     cases = sent_cases(check_contact)
@@ -465,7 +477,7 @@ def test_no_malformed_contact_stops_a_classifier_or_enters_its_fusion(chain):
 
 
 def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
-    chain.add(ClassifierNode(namespace='/left'))
+    chain.add(chain.clock.of(ClassifierNode)(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
     extreme = good_contact(1)
@@ -478,7 +490,7 @@ def test_values_at_the_end_of_float32_leave_no_nan_in_the_fusion(chain):
 
 def test_no_malformed_shape_stops_a_grasp_or_breaks_its_hold(chain):
     """The node runs as in a lossless replay, because the stamps of the shapes do not follow real time."""
-    chain.add(GraspNode(parameter_overrides=[Parameter('lossless', value=True)]))
+    chain.add(chain.clock.of(GraspNode)(parameter_overrides=[Parameter('lossless', value=True)]))
     grasps = chain.listen(Grasp, '/grasp')
     publishers = {side: chain.publisher(ContactShape, f'/{side}/shape', lossless=True) for side in ('left', 'right')}
     cases = cases_of(check_contact_shape)  # A grasp is stable only after so many shapes.
@@ -498,7 +510,7 @@ def test_no_malformed_shape_stops_a_grasp_or_breaks_its_hold(chain):
 
 def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):
     """If the stamp were accepted, the shape would be held for an hour, and later frames would lie in the past."""
-    chain.add(ClassifierNode(namespace='/left'))
+    chain.add(chain.clock.of(ClassifierNode)(namespace='/left'))
     shapes = chain.listen(ContactShape, '/left/shape')
     publisher = chain.publisher(Contact, '/left/contact')
     for sequence in range(1, 21):
@@ -513,21 +525,22 @@ def test_a_stamp_far_in_the_future_reaches_neither_fusion_nor_hold(chain):
     assert chain.dropped('/left/classifier', 4) == {'stamp_ahead': 4}
 
 
-def guarded(chain, topic='taxels'):
+def guarded(chain, topic='taxels', steady=time.monotonic):
     received: list = []
     return GuardedSubscription(chain.peer, TaxelArray, topic, received.append, frames_qos(DEPTH),
-                               check=check_taxel_array), received
+                               check=check_taxel_array, steady=steady), received
 
 
 def test_frames_that_never_arrived_are_counted_and_a_false_sequence_is_not(chain):
-    subscription, received = guarded(chain)
+    clock = VirtualTime()
+    subscription, received = guarded(chain, steady=clock.now)
     publisher = chain.publisher(TaxelArray, 'taxels')
     for sequence in (7, 8, 11, 12, 2**64 - 1, 13, 14, 16, 0, 1, 1):
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: subscription.counts.received == 11)
     # The messages 2^64 - 1, 0, 1 and 1 are dropped, because the earlier publisher may still continue.
     assert subscription.counts.dropped == {R.OTHER_SOURCE: 4}
-    time.sleep(SOURCE_HOLD)
+    clock.advance(SOURCE_HOLD + 0.01)
     for sequence in (2, 3):
         publisher.publish(with_sequence(sequence))
     chain.until(lambda: len(received) == 9)
@@ -556,45 +569,71 @@ def with_sequence(sequence):
     return message
 
 
+@pytest.mark.parametrize('lossless', [False, True])
+def test_only_the_newest_waiting_message_is_processed_except_in_a_lossless_replay(chain, lossless):
+    """If a slow callback got the oldest message first, it would lag by the whole queue for ever."""
+    received: list[TaxelArray] = []
+    subscription = GuardedSubscription(chain.peer, TaxelArray, 'taxels', received.append, frames_qos(DEPTH, lossless),
+                                       check=check_taxel_array, newest_only=True, lossless=lossless)
+    publisher = chain.publisher(TaxelArray, 'taxels', lossless=lossless)
+    for sequence in range(10):
+        publisher.publish(with_sequence(sequence))
+    chain.until(lambda: subscription.counts.received == 10)
+    assert [message.sequence for message in received] == (list(range(10)) if lossless else [9])
+    assert subscription.counts == MessageCounts(10, len(received), {}, 0, 10 - len(received))
+
+
+def test_frames_that_an_earlier_stage_left_out_do_not_count_as_lost(chain):
+    """In an earlier version, the processor left out frames within its allowance of 5 %.
+
+    The classifier then reported the omitted frames as lost.
+    """
+    subscription = GuardedSubscription(chain.peer, Contact, 'contact', lambda message: None, frames_qos(DEPTH),
+                                       check=lambda message: None)
+    publisher = chain.publisher(Contact, 'contact')
+    # One message is lost between the last two messages.
+    for sequence, before in ((1, 0), (2, 0), (5, 2), (9, 2)):
+        message = Contact(sequence=sequence, left_out=before)
+        message.header.stamp = time_message(STAMP + 0.02 * sequence)
+        publisher.publish(message)
+    chain.until(lambda: subscription.counts.received == 4)
+    assert subscription.counts.skipped == 1
+
+
 def test_the_age_of_the_newest_data_grows_while_nothing_comes(chain):
-    subscription, _ = guarded(chain)
+    clock = VirtualTime()
+    subscription, received = guarded(chain, steady=clock.now)
     assert subscription.health.age == INF
     publisher = chain.publisher(TaxelArray, 'taxels')
-    started = time.monotonic()
-    while time.monotonic() - started < 1.0:  # After this time, the subscription has found the smallest transport delay.
-        message = good_taxels()
-        message.header.stamp = time_message(STAMP + time.monotonic() - started)
+    for number in range(1, 51):  # After a second, the subscription has found the smallest transport delay.
+        clock.advance(0.02)
+        message = good_taxels(number)
         message.age = duration_message(0.25)
         publisher.publish(message)
-        chain.executor.spin_once(timeout_sec=0.02)
-        time.sleep(0.02)
-    earliest = time.monotonic()
-    first = subscription.health.age
-    begun = time.monotonic()
-    assert 0.25 <= first < INF
-    time.sleep(0.3)
-    ended = time.monotonic()
-    assert ended - begun <= subscription.health.age - first <= time.monotonic() - earliest
+        chain.wait_for(received, number)
+    assert subscription.health.age == pytest.approx(0.25)
+    clock.advance(0.3)
+    assert subscription.health.age == pytest.approx(0.55)
 
 
 def test_two_publishers_for_one_pad_are_reported_and_logged_once(chain, caplog):
     """The arrays of both publishers alternate, so a consumer of the latest array would see two skins as one."""
-    chain.add(ProcessorNode(namespace='/left'))
+    chain.add(chain.clock.of(ProcessorNode)(namespace='/left'))
     chain.publisher(TaxelArray, '/left/taxels')
-    chain.until(lambda: fact(chain, 'faults') == 'SILENT')
+    chain.until_reported(lambda: fact(chain, 'faults') == 'SILENT')
     with caplog.at_level(logging.WARNING, 'tactile_node'):
         other = chain.add(rclpy.create_node('other_driver', namespace='/gripper'))
         publisher = other.create_publisher(TaxelArray, '/left/taxels', frames_qos(DEPTH))
-        chain.until(lambda: 'SEVERAL_PUBLISHERS' in fact(chain, 'faults'))
+        chain.until_reported(lambda: 'SEVERAL_PUBLISHERS' in fact(chain, 'faults'))
         status = chain.diagnostics[-1]
         assert status.level == WARN and fact(chain, 'publishers') == '2'
         assert '/gripper/other_driver' in status.message and '/peer' in status.message
         reported = len(chain.diagnostics)
-        chain.wait_for(chain.diagnostics, reported + 2)
+        chain.until_reported(lambda: len(chain.diagnostics) >= reported + 2)
         assert len([record for record in caplog.records
                     if getattr(record, 'fact', None) is StreamFault.SEVERAL_PUBLISHERS]) == 1
     other.destroy_publisher(publisher)
-    chain.until(lambda: fact(chain, 'faults') == 'SILENT')
+    chain.until_reported(lambda: fact(chain, 'faults') == 'SILENT')
 
 
 def test_messages_of_another_version_are_dropped_and_reported(chain, monkeypatch):
@@ -649,13 +688,14 @@ def test_an_exception_is_counted_and_logged_once_with_its_traceback(chain, caplo
 
 
 def test_health_continues_with_simulated_time_and_no_clock(chain):
-    chain.add(ProcessorNode(namespace='/gripper_a/left', parameter_overrides=[Parameter('use_sim_time', value=True)]))
+    chain.add(chain.clock.of(ProcessorNode)(namespace='/gripper_a/left', parameter_overrides=[
+        Parameter('use_sim_time', value=True)]))
     publisher = chain.publisher(TaxelArray, '/gripper_a/left/taxels')
 
     for message, level in ((None, STALE), (good_taxels(), OK), (TaxelArray(), WARN), (None, STALE)):
         if message is not None:
             publisher.publish(message)
-        chain.until(lambda level=level: chain.diagnostics and chain.diagnostics[-1].level == level)
+        chain.until_reported(lambda level=level: chain.diagnostics and chain.diagnostics[-1].level == level)
     assert {status.name for status in chain.diagnostics} == {'/gripper_a/left/processor'}
     values = {pair.key: pair.value for pair in chain.diagnostics[-1].values}
     assert (values['received'], values['processed'], values['dropped_no_taxels']) == ('2', '1', '1')

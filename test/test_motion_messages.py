@@ -50,9 +50,9 @@ class Held:
         self.now, self._tracker = 100.0, GraspTracker()
 
     def grasp(self, seconds, motion=STOPPED, later=0.0):
+        sides = [good_shape(), good_shape()]
         for _ in range(round(seconds / PERIOD)):
             self.now += PERIOD
-            sides = [good_shape(), good_shape()]
             for name, side, moves in zip(('left', 'right'), sides, (motion, Motion(Moving.STILL))):
                 side.header.stamp = time_message(STAMP + self.now)
                 side.motion = motion_message(moves, STAMP)

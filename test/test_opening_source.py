@@ -6,71 +6,42 @@ The grippers have the dimensions in their makers' drawings. Each expected number
 import logging
 from math import inf, isnan, nan
 
-import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.node import Node
+from opening_bench import PERIOD, OpeningBench
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from ros_bench import TIMEOUT, TimedBench
+from ros_bench import TIMEOUT
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, Opening
-from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.ros.message_health import total
 from tactile_node.ros.opening_messages import opening_status
-from tactile_node.ros.parameters import declare, read
-from tactile_node.ros.settings import GraspNodeSettings
 from tactile_node.skin.taxel_array import RejectReason as R
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 #: Value of the parameter max_gap_age [s].
 LIMIT = 0.3
-#: Period of the joint states [s].
-PERIOD = 0.01
 #: Each finger moves by half of the gap.
 TWO_FINGERS = {'gap_source': 'joint_states', 'gap_joints': ['finger_left', 'finger_right']}
 KNUCKLE = {'gap_source': 'joint_states', 'gap_joints': ['knuckle'], 'gap_offset': 0.085, 'gap_scale': -0.1}
 ARM = (['shoulder', 'elbow'], [0.1, 0.2])
 
 
-class Gripper(TimedBench):
+class Gripper(OpeningBench):
     """A node with a source of the opening, and a publisher of joint states."""
 
     def __init__(self, stack):
-        super().__init__(stack, PERIOD)
-        self.publishing = self.add('joints')
-        self.publisher = self.publishing.create_publisher(JointState, '/joint_states', QoSProfile(depth=50))
-
-    def make(self, **parameters):
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        self.node = self.add(self.time.of(Node)('grasp', parameter_overrides=overrides))
-        declare(self.node, GraspNodeSettings)
-        self.source = make_opening_source(self.node, read(self.node, GraspNodeSettings), np.array((0.0, 0.0, 1.0)),
-                                          self.steady)
-        self.until_joined(
-            lambda: not hasattr(self.source, 'subscriptions') or self.publisher.get_subscription_count())
-        return self
-
-    def current(self):
-        return self.source.current()
-
-    @property
-    def counts(self):
-        return self.source.subscriptions[0].counts
+        super().__init__(stack, [(JointState, '/joint_states', QoSProfile(depth=50))])
 
     def send(self, names, positions, stamp=0.0):
         """Publish one joint state and return the opening after the node has received the joint state."""
-        received = self.counts.received
         header = Header(stamp=Time(sec=int(stamp), nanosec=round(stamp % 1 * 1e9)))
-        self.publisher.publish(JointState(header=header, name=names, position=positions))
-        self.settle()
-        assert self.counts.received == received + 1
-        return self.current()
+        return self.publish(JointState(header=header, name=names, position=positions))
 
 
 @pytest.fixture
@@ -190,11 +161,7 @@ class Sender:
         return self.gripper.send(['knuckle'], [angle], self.gripper.steady() + self.shift)
 
     def send_until_known(self, angle=0.5):
-        """Publish joint states until the node has found the smallest transport delay, and return the opening."""
-        end = self.gripper.steady() + TIMEOUT
-        while isnan((opening := self.send(angle)).gap):
-            assert self.gripper.steady() < end, 'not known'
-        return opening
+        return self.gripper.until_known(lambda: self.send(angle))
 
 
 @pytest.mark.parametrize('step', [-3600.0, 3600.0])

@@ -5,29 +5,26 @@ The node publishes a pad frame only while the true pose of the pad is known.
 
 import logging
 import sys
-import time
 from math import pi
 
 import numpy as np
 import pytest
-import rclpy
 from geometry_msgs.msg import TransformStamped
+from opening_bench import OpeningBench
 from rclpy.parameter import Parameter
-from ros_bench import TIMEOUT, RosBench
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.opening import GapSource, Opening
-from tactile_node.nodes.opening_source import make_opening_source
-from tactile_node.nodes.pad_transforms import publish_pad_frames
+from tactile_node.nodes.pad_transforms import TRANSFORM_PERIOD, publish_pad_frames
 from tactile_node.ros.opening_messages import quaternion
-from tactile_node.ros.parameters import declare, read
+from tactile_node.ros.parameters import read
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
 from tactile_node.ros.settings import GraspNodeSettings
 
-pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 #: Value of the parameter max_gap_age [s].
 LIMIT = 0.3
@@ -37,42 +34,27 @@ POSES = {'left_xyz': [-0.015, 0.0, 0.145], 'left_rpy': [-pi / 2, 0.0, 0.0],
 JOINTS = {'gap_source': 'joint_states', 'gap_joints': ['finger']}
 
 
-class FrameGripper(RosBench):
+class FrameGripper(OpeningBench):
     """A node that publishes the pad frames, and a node that receives them."""
 
-    def __init__(self, stack):
-        super().__init__(stack)
-        self.beside = self.add('beside')
+    def __init__(self, stack, *topics):
+        super().__init__(stack, topics, closing=(0.0, 1.0, 0.0))
 
     def make(self, source=None, **parameters):
-        overrides = [Parameter(name, value=value)
-                     for name, value in {'publish_pad_frames': True, **POSES, **parameters}.items()]
-        self.node = self.add(rclpy.create_node('grasp', parameter_overrides=overrides))
-        declare(self.node, GraspNodeSettings)
+        super().make(**{'publish_pad_frames': True, **POSES, **parameters})
         settings = read(self.node, GraspNodeSettings)
         gripper = Gripper(PadPose(settings.left_xyz, settings.left_rpy),
                           PadPose(settings.right_xyz, settings.right_rpy))
-        publish_pad_frames(self.node, settings, gripper,
-                           source or make_opening_source(self.node, settings, gripper.closing))
+        publish_pad_frames(self.node, settings, gripper, source or self.source, self.steady)
 
-    def listen(self, kind, topic, qos):
-        """Return a list that collects each message as {frame: transform}."""
+    def listen(self, kind, topic, qos, readers=1):
+        """Return a list that collects each message as {frame: transform}, once the topic has ``readers``."""
         heard = []
-        self.beside.create_subscription(
+        self.publishing.create_subscription(
             kind, topic, lambda given: heard.append({each.child_frame_id: each for each in given.transforms}), qos)
+        publisher, = (each for each in self.node.publishers if each.topic_name == topic)
+        self.until_joined(lambda: publisher.get_subscription_count() == readers)
         return heard
-
-    def wait_for(self, heard, count=1):
-        self.until(lambda: len(heard) >= count, 'no transforms')
-        return heard[-1]
-
-    def wait_for_the_end(self, heard):
-        """Wait until no message has arrived for twice the time for which an opening stays valid."""
-        end, before = time.monotonic() + TIMEOUT, -1
-        while len(heard) > before:
-            assert time.monotonic() < end, 'the messages do not stop'
-            before = len(heard)
-            self.wait(2 * LIMIT)
 
 
 @pytest.fixture
@@ -99,11 +81,14 @@ def test_the_frames_at_a_given_opening_are_static_and_reach_late_subscribers(gri
     gripper.make(gap=0.04)
     gripper.wait(0.5)
     heard = gripper.listen(tf_message, '/tf_static', TF_STATIC_QOS)
-    check(gripper.wait_for(heard), 0.04)
+    gripper.until_joined(lambda: heard)
+    check(heard[-1], 0.04)
     gripper.wait(0.3)
     assert len(heard) == 1  # The node publishes the frames only once.
     assert gripper.node.set_parameters([Parameter('gap', value=0.01)])[0].successful
-    check(gripper.wait_for(heard, 2), 0.01)
+    gripper.wait(TRANSFORM_PERIOD)
+    assert len(heard) == 2
+    check(heard[-1], 0.01)
 
 
 def test_there_are_no_frames_without_an_opening(gripper, tf_message):
@@ -112,63 +97,58 @@ def test_there_are_no_frames_without_an_opening(gripper, tf_message):
     gripper.wait(1.0)
     assert not heard
     gripper.node.set_parameters([Parameter('gap', value=0.0)])
-    check(gripper.wait_for(heard), 0.0)
+    gripper.wait(TRANSFORM_PERIOD)
+    check(heard[-1], 0.0)
 
 
-def test_the_frames_at_a_measured_opening_move_and_stop_with_the_opening(gripper, tf_message):
+def test_the_frames_at_a_measured_opening_move_and_stop_with_the_opening(ros, tf_message):
+    gripper = FrameGripper(ros, (JointState, '/joint_states', 10))
     gripper.make(**JOINTS, frame_prefix='robot1/', pad_frames=['a', 'b'])
     heard = gripper.listen(tf_message, '/tf', TF_QOS)
-    publisher = gripper.beside.create_publisher(JointState, '/joint_states', 10)
     gripper.wait(0.5)
     assert not heard
     for i in range(20):
-        publisher.publish(JointState(name=['finger'], position=[0.002 * i]))
-        gripper.wait(0.05)
-    gripper.wait_for_the_end(heard)
+        gripper.publish(JointState(name=['finger'], position=[0.002 * i]))
+        gripper.wait(TRANSFORM_PERIOD)
+    gripper.wait(2 * LIMIT)
+    assert len(heard) == 20  # The node publishes each measurement once.
     check(heard[-1], 0.038, 'robot1/gripper', ('robot1/a', 'robot1/b'))
     stamps = [each['robot1/a'].header.stamp for each in heard]
-    assert len(stamps) > 2
     # tf2 drops frames with repeated stamps.
     assert all((a.sec, a.nanosec) < (b.sec, b.nanosec) for a, b in zip(stamps, stamps[1:]))
 
 
-def test_the_frames_at_an_opening_from_tf_follow_the_fingers_and_not_themselves(gripper, tf_message):
+def test_the_frames_at_an_opening_from_tf_follow_the_fingers_and_not_themselves(ros, tf_message):
+    gripper = FrameGripper(ros, (tf_message, '/tf', TF_QOS))
     gripper.make(gap_source='tf', gap_frames=['left_finger', 'right_finger'], gap_offset=-0.02)
-    heard = gripper.listen(tf_message, '/tf', TF_QOS)
-    publisher = gripper.beside.create_publisher(tf_message, '/tf', TF_QOS)
-
-    def of_pads():
-        return [each for each in heard if 'left_pad' in each]
-    gripper.wait(0.5)
+    heard = gripper.listen(tf_message, '/tf', TF_QOS, readers=2)  # The node reads the topic, too.
     for _ in range(10):
         fingers = [TransformStamped(child_frame_id=f'{side}_finger') for side in ('left', 'right')]
         for finger, y in zip(fingers, (-0.025, 0.025)):
             finger.header.frame_id = 'gripper'
             finger.transform.translation.y = y
-        publisher.publish(tf_message(transforms=fingers))
-        gripper.wait(0.05)
-    gripper.wait_for_the_end(heard)
-    check(of_pads()[-1], 0.030)
-    # The node publishes one message per measurement, and no message after the last measurement.
-    assert len(of_pads()) <= 10
+        gripper.publish(tf_message(transforms=fingers))
+        gripper.wait(TRANSFORM_PERIOD)
+    gripper.wait(2 * LIMIT)
+    of_pads = [each for each in heard if 'left_pad' in each]
+    assert len(of_pads) == 10
+    check(of_pads[-1], 0.030)
 
 
 def test_a_measurement_that_is_read_slowly_is_published_once(gripper, tf_message):
-    measured = time.monotonic()
-    reads = []
+    measured, reads = gripper.steady(), []
 
     class SlowSource:
         def current(self):
-            reads.append(time.monotonic())
+            reads.append(gripper.steady())
             if len(reads) % 2:
-                time.sleep(0.02)
-            return Opening(0.03, GapSource.TF, time.monotonic() - measured)
+                gripper.time.nanoseconds += 20_000_000  # The clock advances while the opening is read.
+            return Opening(0.03, GapSource.TF, gripper.steady() - measured)
 
     gripper.make(SlowSource(), gap_source='tf', gap_frames=['left_finger', 'right_finger'])
-    heard = gripper.listen(tf_message, '/tf', TF_QOS)
-    gripper.until(lambda: len(reads) >= 8)
-    gripper.wait(0.1)
-    assert len(heard) <= 1
+    heard = gripper.listen(tf_message, '/tf', TF_QOS, readers=2)
+    gripper.wait(0.5)
+    assert len(reads) >= 8 and len(heard) == 1
 
 
 @pytest.mark.parametrize('parameters', [

@@ -33,7 +33,7 @@ PERIOD = 0.02     # Period of the frames [s].
 LOOK = 0.01       # Time between two looks [s].
 AGE = 0.03        # Age of a reading when it arrives [s].
 PITCH = 0.002     # m
-NOISE = 7e-5      # Standard deviation of the centre of pressure on bench_put_down.py's pads [m].
+NOISE = 7e-5      # Standard deviation of the centre of pressure on the pads of put_down_world.py [m].
 FORCE = 5.0       # N
 FORCE_NOISE = 0.04  # N
 MAX_AGE = 0.15    # s
@@ -309,12 +309,9 @@ def test_the_limits_of_time_are_kept():
 @pytest.mark.slow
 @pytest.mark.parametrize('kind', ['square', 'ball'])
 def test_a_table_is_detected_on_an_elastic_skin(kind):
-    """An object of 200 g is lowered at 2 mm/s onto a table, on simulated taxels with noise, hum and dead taxels.
-
-    bench_put_down.py measures more touches.
-    """
+    """An object of 200 g is lowered at 2 mm/s onto a table, on simulated taxels with noise, hum and dead taxels."""
     hand = Hand(generator(Purpose.TEST, 5_200), kind, make_recogniser())
-    descent = Descent(weight=0.2, speed=0.002, met=3.0, pushes=True)
+    descent = Descent(weight=0.2, speed=0.002, met=3.0)
     rules = PutDown(0.0, TIMEOUT, MAX_AGE)
     ended = next((reading.acquired, outcome) for reading in hand.see(descent.path, 6.0)
                  if (outcome := rules.look(reading.acquired, reading, is_resting=True)) is not None)

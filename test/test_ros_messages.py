@@ -214,13 +214,18 @@ def test_a_number_and_a_name_that_contradict_each_other_are_rejected(number, nam
     assert check_contact_shape(message) is RejectReason.INCONSISTENT
 
 
+def grasp_of(left, right, opening=UNKNOWN_OPENING, ages=(0.1, 0.1)):
+    """Return the grasp of two shapes that were acquired at the same time."""
+    tracker = GraspTracker()
+    tracker.update('left', side_result(left, 5.0), now=5.0)
+    tracker.update('right', side_result(right, 5.0), now=5.0)
+    return grasp_message(tracker.state(5.0, opening.gap), [left, right], opening, 'gripper', ages, Gripper())
+
+
 @pytest.mark.parametrize(('right', 'same'), [('plug', True), ('socket', False)])
 def test_two_taught_shapes_are_the_same_by_their_names_not_by_their_number(right, same):
-    sides, tracker = [shape(block(6, 6), TaughtShape(name)) for name in ('plug', right)], GraspTracker()
-    tracker.update('left', side_result(sides[0], 5.0), now=5.0)
-    tracker.update('right', side_result(sides[1], 5.0), now=5.0)
-    state = tracker.state(5.0, 0.04)
-    grasp = grasp_message(state, sides, Opening(0.04, GapSource.PARAMETER, 0.0), 'gripper', (0.1, 0.1), Gripper())
+    sides = [shape(block(6, 6), TaughtShape(name)) for name in ('plug', right)]
+    grasp = grasp_of(*sides, Opening(0.04, GapSource.PARAMETER, 0.0))
     assert grasp.same_shape is same and check_grasp(grasp) is None
     named = (ContactShape.OTHER, 'plug') if same else (ContactShape.UNKNOWN, 'unknown')
     assert (grasp.shape, grasp.class_name) == named
@@ -229,12 +234,8 @@ def test_two_taught_shapes_are_the_same_by_their_names_not_by_their_number(right
 
 
 def test_two_pads_become_one_grasp():
-    message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
-    opening = Opening(0.0, GapSource.JOINT_STATES, 0.25)
-    tracker.update('left', side_result(message, 5.0), now=5.0)
-    tracker.update('right', side_result(message, 5.0), now=5.0)
-    state = tracker.state(5.0, opening.gap)
-    grasp = grasp_message(state, [message, message], opening, 'gripper', (0.5, 0.4), Gripper())
+    message = shape(block(6, 6), Shape.SQUARE)
+    grasp = grasp_of(message, message, Opening(0.0, GapSource.JOINT_STATES, 0.25), (0.5, 0.4))
     assert grasp.age.nanosec == 500_000_000
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh and grasp.same_shape and not grasp.stable
     assert grasp.header.frame_id == 'gripper' and grasp.header.stamp == message.header.stamp
@@ -250,13 +251,10 @@ def test_the_object_of_a_grasp_follows_from_both_pads():
 
     Between the two pads, the object's y is 0.
     """
-    side, tracker = shape(block(4, 9), Shape.RECTANGLE), GraspTracker()
+    side = shape(block(4, 9), Shape.RECTANGLE)
     side.force_sd, side.sequence, side.hidden_taxels, side.hidden_ring_taxels = 0.02, 7, 2, 3
     side.saturated_taxels, side.saturated_ring_taxels = 4, 1
-    tracker.update('left', side_result(side, 5.0), now=5.0)
-    tracker.update('right', side_result(side, 5.0), now=5.0)
-    state = tracker.state(5.0)
-    grasp = grasp_message(state, [side, side], UNKNOWN_OPENING, 'gripper', (0.1, 0.1), Gripper())
+    grasp = grasp_of(side, side)
     assert check_grasp(grasp) is None
     assert (grasp.shape, grasp.class_name) == (ContactShape.RECTANGLE, 'rectangle')
     # On each side, the probability that the shape is unknown is a quarter.
@@ -322,11 +320,8 @@ def test_a_receiver_of_grasps_knows_their_age_at_any_period(period):
 
 
 def test_a_grasp_without_an_opening_has_no_width_and_marks_it_as_unknown():
-    message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
-    tracker.update('left', side_result(message, 5.0), now=5.0)
-    tracker.update('right', side_result(message, 5.0), now=5.0)
-    state = tracker.state(5.0)
-    grasp = grasp_message(state, [message, message], UNKNOWN_OPENING, 'gripper', (math.inf, math.inf), Gripper())
+    message = shape(block(6, 6), Shape.SQUARE)
+    grasp = grasp_of(message, message, ages=(math.inf, math.inf))
     assert math.isinf(age_seconds(grasp.age))
     assert grasp.contact == Grasp.TWO_SIDED and grasp.fresh
     assert grasp.gap_source == Grasp.GAP_NOT_KNOWN and math.isinf(age_seconds(grasp.gap_age))
@@ -342,12 +337,7 @@ def test_the_sources_of_an_opening_have_the_codes_of_the_message():
 
 
 def test_one_touched_pad_gives_no_line():
-    message, tracker = shape(block(6, 6), Shape.SQUARE), GraspTracker()
-    empty = shape(np.zeros((16, 16), np.float32), Shape.NONE)
-    tracker.update('left', side_result(message, 5.0), now=5.0)
-    tracker.update('right', side_result(empty, 5.0), now=5.0)
-    state = tracker.state(5.0)
-    grasp = grasp_message(state, [message, empty], UNKNOWN_OPENING, 'gripper', (0.0, 0.0), Gripper())
+    grasp = grasp_of(shape(block(6, 6), Shape.SQUARE), shape(np.zeros((16, 16), np.float32), Shape.NONE))
     assert grasp.contact == Grasp.ONE_SIDED and math.isnan(grasp.width) and math.isnan(grasp.midpoint.x)
 
 

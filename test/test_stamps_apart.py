@@ -64,9 +64,8 @@ def reported(ros):
     return report
 
 
-@pytest.mark.parametrize(('lead', 'is_apart'), [
-    # A slow link could also cause an offset of -0.3 s.
-    (3600.0, True), (0.3, True), (0.0, False), (-0.3, False), (-3600.0, True)])
+# A slow link could also cause an offset of -0.3 s.
+@pytest.mark.parametrize(('lead', 'is_apart'), [(3600.0, True), (-0.3, False)])
 def test_stamps_of_another_clock_are_reported(reported, lead, is_apart):
     status = reported(lead)
     values = values_of(status)

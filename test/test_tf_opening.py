@@ -1,32 +1,24 @@
 """A running node takes the gripper's opening from tf. In some cases, the opening must be unknown."""
 
-import time
 from math import cos, inf, isnan, nan, pi, sin
 
-import numpy as np
 import pytest
-import rclpy
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
-from rclpy.parameter import Parameter
-from ros_bench import TIMEOUT, RosBench
+from opening_bench import PERIOD, OpeningBench
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource
-from tactile_node.nodes.opening_source import make_opening_source
-from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.qos import TF_QOS, TF_STATIC_QOS
-from tactile_node.ros.settings import GraspNodeSettings
 from tactile_node.ros.time_messages import time_message
 from tactile_node.skin.taxel_array import RejectReason as R
 
-pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
 #: Value of the parameter max_gap_age [s].
 LIMIT = 0.3
 #: The fingers slide along the y axis of the hand. Their frames are 12 mm apart when the hand is closed.
 PARAMETERS = {'gap_source': 'tf', 'frame_id': 'hand', 'gap_frames': ['left_finger', '/right_finger'],
               'gap_offset': -0.012}
-ALONG_Y = np.array((0.0, 1.0, 0.0))
 
 
 def transform(frame, parent, x=0.0, y=0.0, z=0.0, rotation=(0.0, 0.0, 0.0, 1.0), stamp=0.0):
@@ -43,31 +35,16 @@ def fingers(left, right, stamp=0.0):
             transform('right_finger', 'hand', y=right, stamp=stamp)]
 
 
-class Robot(RosBench):
+class Robot(OpeningBench):
     """A node with a source of the opening, and a second node that publishes tf."""
 
     def __init__(self, stack, kind, **more):
-        super().__init__(stack)
-        self.kind = kind
-        publishing = self.add('robot_state_publisher')
-        overrides = [Parameter(name, value=value) for name, value in {**PARAMETERS, **more}.items()]
-        node = self.add(rclpy.create_node('grasp', parameter_overrides=overrides))
-        declare(node, GraspNodeSettings)
-        self.source = make_opening_source(node, read(node, GraspNodeSettings), ALONG_Y)
-        self.publishers = [publishing.create_publisher(kind, topic, qos)
-                           for topic, qos in (('/tf', TF_QOS), ('/tf_static', TF_STATIC_QOS))]
-        self.until(lambda: all(each.get_subscription_count() for each in self.publishers), 'not discovered')
-
-    def current(self):
-        return self.source.current()
+        super().__init__(stack, [(kind, '/tf', TF_QOS), (kind, '/tf_static', TF_STATIC_QOS)], closing=(0.0, 1.0, 0.0))
+        self._kind = kind
+        self.make(**{**PARAMETERS, **more})
 
     def send(self, *transforms, static=False):
-        """Publish one message and return the opening after the node has received the message."""
-        subscription = self.source.subscriptions[static]
-        before = subscription.counts.received
-        self.publishers[static].publish(self.kind(transforms=transforms))
-        self.until(lambda: subscription.counts.received != before, 'not received')
-        return self.current()
+        return self.publish(self._kind(transforms=transforms), static)
 
 
 @pytest.fixture
@@ -78,7 +55,7 @@ def robot(ros, tf_message):
 def test_the_distance_of_the_fingers_along_the_closing_direction(robot):
     assert robot.current() is UNKNOWN_OPENING
     opening = robot.send(*fingers(0.020, 0.030))
-    assert opening.gap == pytest.approx(0.050 - 0.012) and opening.source is GapSource.TF and opening.age < LIMIT
+    assert opening.gap == pytest.approx(0.050 - 0.012) and opening.source is GapSource.TF and opening.age == 0
     # A movement across the closing direction does not change the opening.
     opening = robot.send(transform('left_finger', 'hand', x=0.004, y=-0.010, z=0.03))
     assert opening.gap == pytest.approx(0.040 - 0.012)
@@ -95,8 +72,8 @@ def test_a_hand_that_is_mounted_askew_and_fingers_that_are_turned(robot):
 
 def test_transforms_that_stop_leave_no_opening_though_others_continue(robot):
     assert not isnan(robot.send(*fingers(0.02, 0.02)).gap)
-    end = time.monotonic() + 2 * LIMIT
-    while time.monotonic() < end:
+    for _ in range(round(2 * LIMIT / PERIOD)):
+        robot.step()
         robot.send(transform('hand', 'flange'))
         # The position of one finger alone gives only half of an opening.
         opening = robot.send(transform('right_finger', 'hand', y=0.02))
@@ -115,14 +92,10 @@ def test_a_finger_on_the_wrong_side_gives_no_opening(robot):
 
 
 def test_transforms_that_were_held_back_give_no_opening(robot):
-    shift = 1.7e9 - time.monotonic()
-    opening, end = UNKNOWN_OPENING, time.monotonic() + TIMEOUT
-    while isnan(opening.gap):  # The loop ends when the node has found the smallest transport delay.
-        assert time.monotonic() < end, 'not known'
-        opening = robot.send(*fingers(0.02, 0.02, stamp=time.monotonic() + shift))
-        robot.wait(0.01)
+    shift = 1.7e9 - robot.steady()
+    opening = robot.until_known(lambda: robot.send(*fingers(0.02, 0.02, stamp=robot.steady() + shift)))
     assert opening.gap == pytest.approx(0.028)
-    late = time.monotonic() + shift
+    late = robot.steady() + shift
     robot.wait(1.0)
     for i in range(5):
         opening = robot.send(*fingers(0.02, 0.02, stamp=late + 0.01 * i))
@@ -174,4 +147,4 @@ def test_where_tf2_msgs_is_missing_the_error_names_it(ros, monkeypatch):
     monkeypatch.setitem(__import__('sys').modules, 'tf2_msgs', None)
     monkeypatch.setitem(__import__('sys').modules, 'tf2_msgs.msg', None)
     with pytest.raises(ConfigurationError, match='tf2_msgs'):
-        Robot(ros, None)
+        OpeningBench(ros, ()).make(**PARAMETERS)

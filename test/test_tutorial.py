@@ -135,6 +135,7 @@ def test_a_planner_waits_for_a_grasp(tmp_path):
 
 
 def test_a_planner_without_a_grasp_node_gets_a_remedy():
-    ended = subprocess.run([sys.executable, 'examples/wait_for_grasp.py'], cwd=ROOT, text=True, timeout=TIMEOUT,
+    at_once = 'import sys; from examples import wait_for_grasp as example; example.LATE = 0.1; sys.exit(example.main())'
+    ended = subprocess.run([sys.executable, '-c', at_once], cwd=ROOT, text=True, timeout=TIMEOUT,
                            stderr=subprocess.PIPE, env=os.environ | {'ROS_DOMAIN_ID': '101'})
     assert ended.returncode == 1 and PLANNER in ended.stderr

@@ -67,7 +67,7 @@ class GraspNode(StageNode):
             gripper, SteadinessSettings(settings.max_creep, settings.centre_tolerance), min_hold=settings.min_hold,
             max_skew=settings.max_skew, max_age=settings.max_age))
         self._opening = make_opening_source(self, settings, gripper.closing, steady)
-        publish_pad_frames(self, settings, gripper, self._opening)
+        publish_pad_frames(self, settings, gripper, self._opening, steady)
         self._latest = {side: pad_shape_of(ContactShape()) for side in SIDES}
         self._is_published = True  # False while a shape waits to be published in a grasp
         self._stamp = 0.0  # latest stamp, which serves as the clock of a lossless replay [s]

@@ -3,6 +3,7 @@
 import logging
 import math
 import time
+from collections.abc import Callable
 
 from rclpy.node import Node
 from rclpy.time import Duration
@@ -40,10 +41,14 @@ class PadTransforms:
         Poses of the pads.
     source : OpeningSource
         Source of the opening.
+    steady : callable
+        Steady clock of the source [s].
     """
 
-    def __init__(self, node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource):
+    def __init__(self, node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource,
+                 steady: Callable[[], float] = time.monotonic):
         self._node = node
+        self._steady = steady
         self._message = tf_message_type('parameter publish_pad_frames')
         self._frame = frame_name(settings.frame)
         self._pads = tuple(zip(map(frame_name, settings.frames_of_pads), (gripper.left, gripper.right)))
@@ -65,10 +70,10 @@ class PadTransforms:
     def _publish_moving(self) -> None:
         # The thread may pause while it reads the opening. Compare the earliest possible time of this measurement with
         # the latest possible time of the last one, so that no measurement is published twice.
-        before = time.monotonic()
+        before = self._steady()
         opening = self._source.current()
         if not math.isnan(opening.gap) and before - opening.age > self._measured + SAME_MEASUREMENT:
-            self._measured = time.monotonic() - opening.age
+            self._measured = self._steady() - opening.age
             self._publish(opening.gap, opening.age)
 
     def _publish(self, gap: float, age: float) -> None:
@@ -79,7 +84,8 @@ class PadTransforms:
         self._gap = gap
 
 
-def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource) -> None:
+def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper, source: OpeningSource,
+                       steady: Callable[[], float] = time.monotonic) -> None:
     """Start `PadTransforms` if the parameter publish_pad_frames is true.
 
     The arguments are those of `PadTransforms`. If tf2_msgs is not installed, the node logs a warning instead. If the
@@ -101,6 +107,6 @@ def publish_pad_frames(node: Node, settings: GraspNodeSettings, gripper: Gripper
         raise ConfigurationError('parameter publish_pad_frames', expected='a source of the opening', got=NONE,
                                  remedy='Set gap_source, because the poses of the pads depend on the opening.')
     try:
-        PadTransforms(node, settings, gripper, source)
+        PadTransforms(node, settings, gripper, source, steady)
     except ConfigurationError as error:
         logger.warning('the frames of the pads are not published: %s', error, extra=of_node(node))

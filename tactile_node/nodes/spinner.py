@@ -94,7 +94,7 @@ class Spinner:
     def stop(self) -> None:
         """End the thread before the executor, because the shutdown destroys objects that a running callback needs."""
         self._stopping.set()
-        self._executor.wake()
+        self._executor.create_task(lambda: None)  # a wait without a task would last until its timeout
         self._thread.join()
         self._executor.shutdown()
 

@@ -93,7 +93,6 @@ class LockstepGripper:
         self._next_frame = 0.0
         self.endings: list[Ending] = []  #: ends of all goals and holds
         self.height = 0.0                #: goal of the hand's lift [m]
-        self.is_watched = True           #: False to acquire no frames, because no rule uses them
 
     def _on_end(self, handle: Any, ending: Ending) -> None:
         self.endings.append(ending)
@@ -114,10 +113,9 @@ class LockstepGripper:
                     self.height += lift_speed * STEP
                     self.world.move(lift=self.height)
                 self.world.step(STEP)
-            if self.is_watched:
-                self._feel()
-                self._action.work()
-                self._control.look()
+            self._feel()
+            self._action.work()
+            self._control.look()
 
     def _feel(self) -> None:
         now = self.world.now
