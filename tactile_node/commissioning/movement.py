@@ -42,7 +42,7 @@ class StopTrial(NamedTuple):
 
 
 class TriedStop(NamedTuple):
-    """What a commissioning has found about one way to stop."""
+    """Results of a commissioning for one way to stop."""
 
     trials: tuple[StopTrial, ...]
     kept: Estimate  #: share of the force on foam that remains after a stop

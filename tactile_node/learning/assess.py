@@ -15,14 +15,14 @@ from scipy.optimize import minimize
 
 from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
-from tactile_node.learning.background import Background, load_background, seen_by
+from tactile_node.learning.background import FOREIGN, Background, load_background, seen_by
 from tactile_node.learning.teach import Rate
-from tactile_node.shape.adaptation import LEAST_PROBABILITY, Adaptation
+from tactile_node.shape.adaptation import Adaptation, logits_of
 from tactile_node.shape.methods import VisibilityGuard
 from tactile_node.shape.patch import joined, make_patch
-from tactile_node.shape.recogniser import FEWEST_TAXELS, KINDS, OUTPUTS, ShapeRecogniser
+from tactile_node.shape.recogniser import FEWEST_TAXELS, KINDS, ShapeRecogniser
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass
-from tactile_node.shape.support import SURE
+from tactile_node.shape.support import has_sure_name
 from tactile_node.taxel_frame import read_only
 
 FOLDS = 8           #: Number of parts into which the touches are divided. Each part is held out once.
@@ -114,7 +114,7 @@ class Answers(NamedTuple):
         """Return the counts for the touches of ``label``, or for all touches if ``label`` is None."""
         some = [(truth, each) for truth, each in zip(*self) if label in (None, truth)]
         is_right = [each.shape == truth for truth, each in some]
-        is_sure = [each.shape not in NAMELESS and each.confidence >= SURE for _, each in some]
+        is_sure = [has_sure_name(each) for _, each in some]
         return Counts(len(some), sum(is_right),
                       sum(each.shape in NAMELESS and truth not in NAMELESS for truth, each in some),
                       sum(is_sure), sum(sure and not right for sure, right in zip(is_sure, is_right)))
@@ -183,7 +183,7 @@ def assess(recogniser: ShapeRecogniser, touches: Sequence[LabelledTouch],
     examples = _Examples.of(recogniser.adapted({}), touches)
     if len(examples.touch) < LEAST_TOUCHES:
         return Assessment(before)
-    makes_sure = bool(examples.targets[:, OUTPUTS.index(Shape.UNKNOWN)].sum() >= UNKNOWN_TOUCHES)
+    makes_sure = bool(examples.targets[:, FOREIGN].sum() >= UNKNOWN_TOUCHES)
     examples = examples.joined(_Examples.of_background(recogniser, examples.kind, background(examples.kind)))
     folds = np.array([labels[:k].count(label) % FOLDS for k, label in enumerate(labels)])
     found = list(before.found)
@@ -228,7 +228,7 @@ class _Examples(NamedTuple):
         numbers, usable, shown = zip(*used)
         answers = recogniser.answers(usable, shown)
         truth = [recogniser.outputs.index(touches[k].label) for k in numbers]
-        return cls(_logits(answers.probabilities), answers.embedding, np.eye(len(recogniser.outputs))[truth],
+        return cls(logits_of(answers.probabilities), answers.embedding, np.eye(len(recogniser.outputs))[truth],
                    np.ones(len(numbers)), np.array(numbers), KINDS[usable[0].graded])
 
     @classmethod
@@ -237,7 +237,7 @@ class _Examples(NamedTuple):
         seen = seen_by(recogniser, background.patches)
         found = recogniser.with_taught(kind, seen.known, seen.embedding, seen.log_taxels)
         count = len(found)
-        return cls(_logits(found), seen.embedding, found, np.full(count, BACKGROUND_TOUCHES / max(count, 1)),
+        return cls(logits_of(found), seen.embedding, found, np.full(count, BACKGROUND_TOUCHES / max(count, 1)),
                    np.full(count, -1), kind)
 
     def joined(self, others: '_Examples') -> '_Examples':
@@ -274,11 +274,6 @@ class _Examples(NamedTuple):
                         options={'ftol': FITTED}).x
         matrix = best[1:].reshape(-1, outputs)
         return Adaptation(float(np.exp(best[0])), read_only(matrix[0]), read_only(matrix[1:]), makes_sure)
-
-
-def _logits(probabilities: np.ndarray) -> np.ndarray:
-    found: np.ndarray = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
-    return found
 
 
 if TYPE_CHECKING:

@@ -61,7 +61,7 @@ def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background
 
 
 class Seen(NamedTuple):
-    """What a head or an adaptation is fitted to, for K patches."""
+    """Embedding, size and probabilities of K patches, to which a head or an adaptation is fitted."""
 
     embedding: np.ndarray   #: (K, F)
     log_taxels: np.ndarray  #: (K,)

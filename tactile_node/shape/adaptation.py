@@ -54,12 +54,18 @@ class Adaptation(NamedTuple):
         >>> adaptation.applied(np.array([[0.9, 0.1]]), np.ones((1, 1))).round(4)
         array([[0.75, 0.25]])
         """
-        logits = np.log(np.maximum(probabilities, LEAST_PROBABILITY)) / self.temperature
+        logits = logits_of(probabilities) / self.temperature
         logits += self.biases + embedding @ self.weights
         logits[probabilities == 0] = -np.inf
         odds = np.exp(logits - logits.max(1, keepdims=True))
         adapted: np.ndarray = odds / odds.sum(1, keepdims=True)
         return adapted
+
+
+def logits_of(probabilities: np.ndarray) -> np.ndarray:
+    """Return the logarithms of probabilities, to which an adaptation applies."""
+    found: np.ndarray = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+    return found
 
 
 def read_adaptations(data: Mapping[str, np.ndarray], outputs: int, widths: Mapping[str, int]) -> dict[str, Adaptation]:

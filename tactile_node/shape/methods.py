@@ -46,12 +46,11 @@ from tactile_node.shape.recognition import (
     METHOD_FILES,
     VOLF,
     Recognition,
-    Shape,
     ShapeClass,
     UnknownReason,
 )
 from tactile_node.shape.shapeless import is_cut, is_shapeless
-from tactile_node.shape.support import SURE, UNSUPPORTED, as_far_as_supported
+from tactile_node.shape.support import UNSUPPORTED, as_far_as_supported, has_sure_name
 from tactile_node.shape.volf import VolfClassifier
 from tactile_node.taxel_frame import read_only
 
@@ -112,9 +111,9 @@ class VisibilityGuard:
         """
         visibility = visibility or visibility_of(pattern)
         found = self._supported(self._method, pattern, visibility)
-        if self._unadapted is not None and found.shape not in (Shape.UNKNOWN, Shape.NONE) and found.confidence >= SURE:
+        if self._unadapted is not None and has_sure_name(found):
             before = self._supported(self._unadapted, pattern, visibility)
-            if before.shape != found.shape or before.confidence < SURE:
+            if before.shape != found.shape or not has_sure_name(before):
                 found = found.no_surer_than(UNSUPPORTED, UnknownReason.UNFAMILIAR)
         return found.over(self.classes)
 

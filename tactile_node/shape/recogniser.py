@@ -31,11 +31,11 @@ from tactile_node.shape.patch import Patch, joined, make_patch
 from tactile_node.shape.recognition import Recognition, Shape, ShapeClass, TaughtShape, UnknownReason
 from tactile_node.shape.steepest_outline import steepest_outline
 from tactile_node.shape.support import (
-    SURE,
     UNSUPPORTED,
     as_far_as_it_fits,
     as_far_as_it_holds,
     as_far_as_it_is_filled,
+    has_sure_name,
     is_convex,
     low_outline,
 )
@@ -135,8 +135,8 @@ class ShapeRecogniser:
         self._taught, self.adaptations = taught, adaptations
         self.outputs: tuple[ShapeClass, ...] = (*OUTPUTS, *taught)
         self.classes: tuple[ShapeClass, ...] = (*Shape, *taught)
-        may_all = all(adaptation.makes_sure for adaptation in adaptations.values())
-        self.unadapted: ShapeRecogniser | None = None if may_all else self.adapted({})
+        all_make_sure = all(adaptation.makes_sure for adaptation in adaptations.values())
+        self.unadapted: ShapeRecogniser | None = None if all_make_sure else self.adapted({})
 
     @classmethod
     def from_file(cls, path: str | Path) -> 'ShapeRecogniser':
@@ -201,10 +201,10 @@ class ShapeRecogniser:
         """
         found = self._held(contacts)
         again = [(k, (values, steepest)) for k, (values, mask) in enumerate(contacts)
-                 if not _has_sure_name(found[k]) and ndimage.label(mask, EIGHT_CONNECTED)[1] == 1
+                 if not has_sure_name(found[k]) and ndimage.label(mask, EIGHT_CONNECTED)[1] == 1
                  and (steepest := steepest_outline(values, mask)) is not mask]
         for (k, _), each in zip(again, self._held([contact for _, contact in again])):
-            found[k] = each.no_surer_than(UNSUPPORTED, UnknownReason.UNSTABLE) if _has_sure_name(each) else each
+            found[k] = each.no_surer_than(UNSUPPORTED, UnknownReason.UNSTABLE) if has_sure_name(each) else each
         return found
 
     def _held(self, contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Recognition]:
@@ -350,10 +350,6 @@ def _outlines(contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> dict[int, Pa
     """
     return {k: make_patch(np.where(np.isfinite(values), mask, np.nan), mask)
             for k, (values, mask) in enumerate(contacts) if np.count_nonzero(mask) >= FEWEST_TAXELS['on_off']}
-
-
-def _has_sure_name(found: Recognition) -> bool:
-    return found.shape not in (Shape.NONE, Shape.UNKNOWN) and found.confidence >= SURE
 
 
 def _as_foreign(probabilities: np.ndarray) -> np.ndarray:

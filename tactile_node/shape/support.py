@@ -171,6 +171,11 @@ def low_outline(values: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
     return low if np.count_nonzero(low) > np.count_nonzero(mask) else None
 
 
+def has_sure_name(found: Recognition) -> bool:
+    """Return True if ``found`` reports a shape, also a taught one, with a confidence of SURE or more."""
+    return found.shape not in (Shape.NONE, Shape.UNKNOWN) and found.confidence >= SURE
+
+
 def _is_sure(found: Recognition) -> bool:
     """Return True if ``found`` reports one of the five shapes with a confidence of SURE or more."""
     return not isinstance(found.shape, TaughtShape) and found.shape in FIGURE_OF and found.confidence >= SURE

@@ -40,24 +40,9 @@ class FrameSource(Protocol):
         """Release the bus or the log. ``close`` is allowed in every state and may be repeated."""
 
     def auto_zero(self, pad: str) -> int:
-        """Tell the devices of a pad to zero themselves (CiA 404).
+        """Tell the devices of the pad ``pad`` to zero themselves (CiA 404).
 
-        Parameters
-        ----------
-        pad : str
-            Name of the pad.
-
-        Returns
-        -------
-        int
-            Number of channels zeroed.
-
-        Raises
-        ------
-        DeviceError, BusError
-            Raised if no channel was zeroed.
-        HalfZeroedError
-            Raised if only some channels were zeroed, or if a device did not answer.
+        Returns the number of channels zeroed, and raises the errors of `bus_devices.auto_zero`.
         """
 
     def boots(self, pad: str) -> int:
