@@ -164,12 +164,12 @@ def test_time_in_which_the_gripper_has_yet_to_stop_is_not_blind_while_the_pads_a
     assert control.look(2 * BLIND_TIME + 0.3, seen, 0.06, is_still=False) is Outcome.NOT_SEEN
 
 
-def test_a_gripper_that_does_not_move_is_too_slow_even_if_pads_are_unseen_at_times():
+def test_a_gripper_that_hardly_moves_is_too_slow_even_if_pads_are_unseen_at_times():
     control, now, outcome, blind = closing(3.0), 0.0, None, 0.0
     while outcome is None and now < 60.0:
         is_seen = now % 1.0 < 0.7
         blind += 0.0 if is_seen else 0.01
-        outcome = control.look(now, TouchReading(now, is_seen, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.06)
+        outcome = control.look(now, TouchReading(now, is_seen, GraspContact.NO_CONTACT, (EMPTY, EMPTY)), 0.0599)
         now += 0.01
     assert outcome is Outcome.TOO_SLOW
     assert now - blind == pytest.approx(START_TIME + SLOWNESS * 0.06 / LIMITS.fast_speed, abs=0.3)
@@ -214,17 +214,6 @@ def test_an_object_that_was_held_and_is_gone_is_lost():
     world = World(stiffness=100.0)
     outcome, now = world.close(closing(12.0), seen=lose)
     assert outcome is Outcome.LOST and 1.4 < now < 1.45
-
-
-def test_a_gripper_that_hardly_moves_is_too_slow():
-    control = closing()
-    outcome = None
-    for step in range(20000):
-        seen = TouchReading(0.001 * step, True, GraspContact.NO_CONTACT, (EMPTY, EMPTY))
-        outcome = control.look(0.001 * step, seen, 0.0599)
-        if outcome:
-            break
-    assert outcome is Outcome.TOO_SLOW and step * 0.001 == pytest.approx(1.0 + 3 * 0.06 / LIMITS.fast_speed, rel=0.01)
 
 
 def test_the_gripper_slows_down_at_the_first_touch_or_below_an_opening():

@@ -6,7 +6,7 @@ import pytest
 from control_bench import NOT_SEEN, ControlBench, unchanged
 from virtual_gripper import STEP
 
-from tactile_node.gripper.rules.closing import ForceReading, Outcome
+from tactile_node.gripper.rules.closing import Outcome
 from tactile_node.gripper.rules.holding import BLIND_TIME
 from tactile_node.gripper.rules.touch_settings import TouchSettings
 
@@ -75,57 +75,6 @@ def test_the_gripper_opens_again_by_as_much_as_it_has_closed():
     assert bench.motor.opening <= first + 2e-4 and force(bench) > FORCE + 1 and not bench.hold_ends
 
 
-@pytest.mark.parametrize(('slides', 'raised'), [((math.nan, 1.0), 0.5), ((math.nan, math.nan), 0.0)])
-def test_the_gripper_presses_harder_if_a_pad_reports_a_slide(slides, raised):
-    bench = held(slide_force_step=0.5, highest_force=FORCE + 0.5)
-    bench.hide(lambda touch: touch._replace(slides=slides))
-    if raised:
-        bench.until(lambda: force(bench) > FORCE + raised - 0.1)
-    bench.wait(0.5)
-    assert force(bench) == pytest.approx(FORCE + raised, abs=DEADBAND) and not bench.hold_ends
-    assert bool(bench.motor.commands) == bool(raised)
-
-
-def hidden(touch):
-    return touch._replace(pads=(touch.pads[0]._replace(is_hidden=True), touch.pads[1]))
-
-
-def on_off(touch):
-    return touch._replace(pads=(ForceReading(), ForceReading(3.0)))
-
-
-@pytest.mark.parametrize(('change', 'outcome'), [
-    *((change, Outcome.NOT_SEEN) for change in NOT_SEEN), (hidden, Outcome.FORCE_NOT_KNOWN),
-    (on_off, Outcome.FORCE_NOT_KNOWN)])
-def test_untrusted_readings_do_not_move_the_gripper_and_end_the_hold(change, outcome):
-    bench = held()
-    bench.hide(change)
-    bench.wait(0.05)
-    bench.pads.width -= SHRINKS
-    assert ended(bench) is outcome and not bench.motor.commands
-
-
-def test_the_hold_waits_while_a_force_is_unknown_for_a_moment():
-    bench = held()
-    bench.hide(hidden)
-    bench.wait(0.05)
-    bench.pads.width -= SHRINKS
-    bench.wait(0.4)
-    assert not bench.motor.commands
-    bench.hide(unchanged)
-    bench.until(lambda: force(bench) > FORCE - 0.1)
-    assert not bench.hold_ends
-
-
-def test_the_gripper_does_not_press_harder_on_a_possibly_larger_force():
-    bench = held()
-    bench.hide(lambda touch: touch._replace(pads=tuple(each._replace(is_bound=True) for each in touch.pads)))
-    bench.wait(0.05)
-    bench.pads.width -= SHRINKS  # The pads read 3.5 N, but the true force may be up to 7 N.
-    bench.wait(0.5)
-    assert not bench.motor.commands and not bench.hold_ends
-
-
 def closes(bench):
     """Shrink the object, and wait until the gripper starts to close."""
     bench.pads.width -= 0.004
@@ -143,20 +92,6 @@ def test_a_correction_stops_when_a_pad_is_no_longer_seen(change):
     stopped = bench.motor.opening
     assert before - stopped <= LIMITS.slow_speed / bench.motor.slowness * (LIMITS.max_age + 2 * STEP)
     assert ended(bench) is Outcome.NOT_SEEN and bench.motor.opening == stopped
-
-
-def test_using_up_the_travel_ends_the_hold():
-    bench = held(hold_travel=0.003)
-    first = bench.motor.opening
-    while not bench.hold_ends and bench.motor.opening > first - 0.01:
-        bench.pads.width -= 2e-5
-        bench.step()
-    assert ended(bench) is Outcome.HOLD_ENDED and not bench.motor.moves
-    assert first - bench.motor.opening == pytest.approx(0.003, abs=LIMITS.slow_speed * 2 * STEP)
-    stopped = bench.motor.opening
-    bench.pads.width -= SHRINKS
-    bench.wait(0.5)
-    assert bench.motor.opening == stopped
 
 
 def test_losing_the_object_ends_the_hold():
@@ -200,15 +135,6 @@ def test_a_gripper_that_does_not_carry_out_the_correction_ends_the_hold(fault, e
     fault(bench)
     bench.pads.width -= SHRINKS
     assert ended(bench) is expected
-
-
-def test_a_correction_that_a_cancel_does_not_stop_gets_a_goal_at_the_current_opening():
-    bench = held()
-    bench.motor.stays = True
-    bench.pads.width -= SHRINKS
-    bench.until(lambda: any(each.opening > 0 for each in bench.motor.commands))
-    bench.wait(1.0)
-    assert abs(force(bench) - FORCE) < DEADBAND and not bench.hold_ends
 
 
 def test_a_shutdown_in_a_correction_stops_the_gripper():
