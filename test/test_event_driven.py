@@ -84,30 +84,25 @@ def test_a_sweep_is_given_with_its_last_tpdo_and_stamped_with_its_first(sweeps):
     assert tally(sweeps) == (1, 0, 3, 3, 3, 0)
 
 
-@pytest.mark.parametrize(('lost', 'stamp'), [(0, 5.001), (1, 5.0), (2, 5.0)])
-def test_a_lost_tpdo_leaves_its_taxels_stale(sweeps, lost, stamp):
-    results = sum((send(sweeps, rank, 5 + 0.001 * rank, 11) for rank in range(3) if rank != lost), ())
-    results += sweep(sweeps, 5 + T, 12)
-    first, second = frames(results)
-    assert rows(first) == [None if rank == lost else 11 for rank in range(3)] and rows(second) == [12, 12, 12]
-    assert (first.stamp, first.sequence, first.missing_can_frames, second.sequence) == (stamp, 0, 1, 1)
-    assert is_balanced(sweeps) and sweeps.facts().missing == 1
-
-
 def test_no_frame_of_any_loss_pattern_mixes_two_sweeps(tmp_path):
-    """In three sweeps of three TPDOs, each TPDO is either lost or received, so there are 512 cases."""
+    """In three sweeps of three TPDOs, each TPDO is either lost or received, so there are 512 cases.
+
+    The stamp of a frame is that of the first TPDO received.
+    """
     layout = tiny_layout(tmp_path, SWEEPS)
     for kept in itertools.product((False, True), repeat=9):
-        assembler, results = of_layout(layout), ()
-        for place in np.flatnonzero(kept):
-            scan, rank = divmod(int(place), 3)
-            results += send(assembler, rank, 5 + scan * T + 0.001 * rank, 20 + scan)
-        results += assembler.end_period()
-        found = [rows(frame) for frame in frames(results)]
-        wanted = [[20 + scan if kept[3 * scan + rank] else None for rank in range(3)]
-                  for scan in range(3) if any(kept[3 * scan:3 * scan + 3])]
-        assert found == wanted, kept
-        assert is_balanced(assembler)
+        assembler, results, wanted, sequence = of_layout(layout), (), [], 0
+        for scan in range(3):
+            ranks = [rank for rank in range(3) if kept[3 * scan + rank]]
+            for rank in ranks:
+                results += send(assembler, rank, 5 + scan * T + 0.001 * rank, 20 + scan)
+            if ranks:
+                counts = [20 + scan if rank in ranks else None for rank in range(3)]
+                wanted.append((counts, 5 + scan * T + 0.001 * ranks[0], sequence, 3 - len(ranks)))
+            sequence += bool(wanted)  # The event timer shows how many sweeps were lost, except before the first frame.
+        found = frames(results + assembler.end_period())
+        assert [(rows(frame), frame.stamp, frame.sequence, frame.missing_can_frames) for frame in found] == wanted, kept
+        assert is_balanced(assembler) and assembler.facts().missing == sum(missing for *_, missing in wanted)
 
 
 def test_duplicates_change_nothing(sweeps):
@@ -177,13 +172,6 @@ def test_a_wrong_length_is_a_loss_and_its_taxels_are_stale(sweeps, snapshots, da
     send(snapshots, 0, 5.0)
     assert snapshots.feed(0x281, bytes.fromhex(data), 5.001) == (Loss(reason),)
     assert rows(only(snapshots.end_period())) == [10, None, None] and is_balanced(snapshots)
-
-
-def test_a_padded_tpdo_is_used(sweeps, snapshots):
-    for assembler in (sweeps, snapshots):
-        given = [only(assembler.feed(can_id, bytes.fromhex('0A0A' + 6 * '00'), 5.0)) for can_id in RANKS]
-        assert rows(given[2]) == [10, 10, 10] and is_balanced(assembler)
-        assert assembler.facts().tpdos_padded == 3 and not sum(assembler.facts().losses.values())
 
 
 def test_rows_of_a_multiplexed_tpdo_are_a_sweep(tmp_path):

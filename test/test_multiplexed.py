@@ -90,15 +90,6 @@ def test_too_short_to_tell_the_object(tmp_path, data):
     assert feed(assembler, 0x190, data) == Loss(LossReason.SHORT)
 
 
-def test_rows_of_two_periods_are_never_mixed(tmp_path):
-    """Row 8 and the SYNC were lost, so the two messages of row 7 belong to two periods."""
-    assembler = telling(SyncAssembler(tiny_layout(tmp_path, ROWS), (1,)))
-    assembler.sync(0)
-    assert feed(assembler, 0x190, '07010101', '07020202') == Loss(LossReason.LATE, 2)
-    assert feed(assembler, 0x190, '08020202') == Loss(LossReason.LATE, 1)
-    assert np.isnan(only(assembler.sync(1)).values).all()
-
-
 BAD = {
     'row number over a byte': (ROWS.replace('first: 7', 'first: 255'), 'key "tpdos[0].rows.count"'),
     'sub-index over a byte': (MPDO.replace('sub: 3', 'sub: 254'), 'key "tpdos[0].mpdo.count"'),
