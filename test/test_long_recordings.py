@@ -27,9 +27,8 @@ from tactile_node.errors import ConfigurationError, LogError
 from tactile_node.logs.bag_records import records_of
 from tactile_node.logs.damage import DamageKind
 from tactile_node.logs.log_reader import CanLogReader
-from tactile_node.logs.log_writer import CanLogWriter, LogFile
+from tactile_node.logs.log_writer import LogFile
 from tactile_node.logs.replay_times import TimeWindow
-from tactile_node.logs.series import following
 from tactile_node.logs.topic_bag import TopicBagReader
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import PadSettings
@@ -227,13 +226,6 @@ def test_a_file_that_a_bags_metadata_name_is_missed(tmp_path):
     reader = CanLogReader(tmp_path)
     assert len(list(reader)) == 300
     assert [(each.kind, each.file) for each in reader.damages] == [(DamageKind.MISSING_FILE, 'bag_1.mcap')]
-
-
-def test_a_new_recording_never_continues_into_files_of_an_older_one(tmp_path):
-    (tmp_path / 'x_part3.mcap').touch()
-    writer = CanLogWriter(tmp_path / 'x.mcap')
-    writer.close()
-    assert not following(writer.path)
 
 
 @pytest.mark.parametrize('window', [TimeWindow(), TimeWindow(0.13), TimeWindow(0.13, 0.1), TimeWindow(0.25, 0.3),

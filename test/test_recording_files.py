@@ -44,7 +44,7 @@ def test_a_recording_that_rotates_loses_no_frame_and_each_file_can_be_read(tmp_p
 
 
 def test_the_parts_of_two_recordings_are_never_mixed(tmp_path):
-    (tmp_path / 'x_part2.log').touch()  # This file belongs to a recording whose first file was moved away.
+    (tmp_path / 'x_part3.log').touch()  # This file belongs to a recording whose first files were moved away.
     paths = []
     for _ in range(2):
         writer = CanLogWriter(tmp_path / 'x.log', largest=1)
@@ -53,7 +53,7 @@ def test_the_parts_of_two_recordings_are_never_mixed(tmp_path):
         writer.close()
         paths.append(writer.path.name)
     assert paths == ['x-2.log', 'x-3.log']
-    assert {path.name for path in tmp_path.iterdir()} == {'x_part2.log', 'x-2.log', 'x-2_part2.log', 'x-3.log',
+    assert {path.name for path in tmp_path.iterdir()} == {'x_part3.log', 'x-2.log', 'x-2_part2.log', 'x-3.log',
                                                           'x-3_part2.log'}
 
 

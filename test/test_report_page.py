@@ -12,10 +12,9 @@ from threading import Event
 import numpy as np
 import pytest
 from test_report import BEGIN, NAME_UPLOAD, SESSION, logged, report_of, session, status
-from test_topic_bag import TAXELS, bag, mcap_file, store, taxel_array
+from test_topic_bag import TAXELS, bag, store, taxel_array
 
 from tactile_node.cli.main import main
-from tactile_node.errors import LogError
 from tactile_node.logs.topic_bag import DIAGNOSTICS
 from tactile_node.shape.recognition import Recognition, Shape, TaughtShape
 from tactile_node.taxel_frame import TaxelStatus
@@ -155,19 +154,6 @@ def test_what_the_driver_reports_is_escaped(tmp_path):
     change, = report.bus.reported
     assert change.is_problem and (Remark.REPORTED, 1) in {(each.finding, each.number) for each in findings(report)}
     assert any('<img src=x' in text for text in check_alone(page_of(report)).texts)
-
-
-def test_a_bag_cut_short_is_reported_up_to_there(tmp_path):
-    file = tmp_path / 'cut.mcap'
-    whole = mcap_file(file, frames(20))
-    mcap_file(file, frames())
-    file.write_bytes(file.read_bytes()[:whole + 100])  # The file ends within the 21st frame.
-    report = reported(file)
-    assert report.pads[0].frames == 20 and report.recording.unread == 1 and report.recording.problem
-    assert Remark.UNREAD in {each.finding for each in findings(report)}
-    (tmp_path / 'x.mcap').write_bytes(b'\x89MCAP0\r\n')
-    with pytest.raises(LogError):
-        reported(tmp_path / 'x.mcap')
 
 
 class Plug:
