@@ -154,10 +154,6 @@ def test_the_finger_continues_beyond_a_position_without_a_taxel():
     assert found.force_is_bound and found.centre_of_pressure_is_bound and found.size_is_bound
 
 
-def test_away_from_the_edge_no_force_is_a_bound():
-    assert not found_in(pressed(np.s_[6:11, 6:11])).moments.force_is_bound
-
-
 # Tests of all the contacts on a pad
 
 # At 50 kPa, the contacts of 36 and 16 taxels have forces of 7.2 N and 3.2 N.

@@ -82,6 +82,14 @@ class Process:
         for pad in pads:
             self.chain.post(self.input(f'/{pad}/processor').feed, pad_frame(self.sequence, **drawn))
 
+    def send_until(self, condition, **sent):
+        """Send frames at intervals of PERIOD until ``condition()`` is true."""
+        def is_met():
+            self.send(**sent)
+            time.sleep(PERIOD)
+            return condition()
+        until(is_met)
+
 
 def pad_frame(sequence, press=True, up=0, saturated=False, acquired=None):
     """Return a frame of a pad whose finger ends at the first row, by default acquired now.
@@ -154,7 +162,7 @@ def test_each_of_two_frames_that_wait_together_has_its_own_age():
     with Process() as process:
         contacts = heard_by(process.peer, Contact, '/left/contact')
         taxels = process.input('/left/processor')
-        until(lambda: (process.send(['left']), time.sleep(PERIOD), len(contacts) > 0)[-1])
+        process.send_until(lambda: len(contacts) > 0, pads=['left'])
         go, sent, apart = blocked(process.chain), process.sequence, 1000.0
         for number, before in ((1, apart), (2, 0.0)):
             process.chain.post(taxels.feed, pad_frame(sent + number, acquired=time.monotonic() - before))
@@ -305,7 +313,7 @@ def test_a_chain_that_hangs_does_not_keep_the_grasp_fresh():
     """The silence is noticed on another thread, so a planner is told even if no stage runs any more."""
     with Process() as process:
         grasps = heard_by(process.peer, Grasp, '/grasp')
-        until(lambda: (process.send(), time.sleep(PERIOD), grasps and grasps[-1].fresh)[-1])
+        process.send_until(lambda: grasps and grasps[-1].fresh)
         go = blocked(process.chain)
         until(lambda: not grasps[-1].fresh)
         assert grasps[-1].contact == Grasp.UNSEEN
@@ -319,11 +327,11 @@ def test_a_stage_postpones_only_messages_with_a_subscriber(monkeypatch):
                         lambda stage, step, *call: step is Step.SHOW and postponed.append(stage.topic))
     with Process() as process:
         stages = [process.input(name) for name in ('/left/processor', '/left/classifier')]
-        until(lambda: (process.send(), time.sleep(PERIOD), all(each.counts.processed > 5 for each in stages))[-1])
+        process.send_until(lambda: all(each.counts.processed > 5 for each in stages))
         assert not postponed
         for topic, kind in (('/left/image', Image), ('/left/shapes', ContactShapes)):
             process.peer.create_subscription(kind, topic, lambda message: None, frames_qos(10))
-        until(lambda: (process.send(), time.sleep(PERIOD), len(set(postponed)) == 2)[-1])
+        process.send_until(lambda: len(set(postponed)) == 2)
     assert set(postponed) == {each.topic for each in stages}
 
 
@@ -334,12 +342,12 @@ def test_a_shape_that_cannot_be_published_is_counted_and_costs_no_event(monkeypa
         until(lambda: process.peer.count_publishers('/left/events') and node._events.get_subscription_count())
 
         stage = process.input('/left/classifier')
-        until(lambda: (process.send(press=False), time.sleep(PERIOD), stage.counts.processed > 2)[-1])
+        process.send_until(lambda: stage.counts.processed > 2, press=False)
 
         def fail(*_):
             raise ValueError('no room')
         monkeypatch.setattr(node._shapes, 'send', fail)
-        until(lambda: (process.send(), time.sleep(PERIOD), ContactEvent.MADE in [each.kind for each in events])[-1])
+        process.send_until(lambda: ContactEvent.MADE in [each.kind for each in events])
         assert stage.counts.dropped[RejectReason.PROCESSING_FAILED]
 
 
@@ -348,19 +356,19 @@ def test_images_that_cannot_be_made_are_counted_and_cost_no_shape():
         def fail(_):
             raise ValueError('no colours')
         process.nodes['/left/processor']._views = SimpleNamespace(is_wanted=True, publish=fail)
-        until(lambda: (process.send(), time.sleep(PERIOD), process.input('/left/classifier').counts.processed > 5)[-1])
+        process.send_until(lambda: process.input('/left/classifier').counts.processed > 5)
         until(lambda: process.input('/left/processor').counts.dropped[RejectReason.PROCESSING_FAILED] > 5)
 
 
 def test_neither_a_foreign_node_in_the_middle_of_the_chain_nor_our_own_is_used(monkeypatch):
     with Process() as process:
         stage = process.input('/left/classifier')
-        until(lambda: (process.send(), time.sleep(PERIOD), stage.counts.processed > 5)[-1])
+        process.send_until(lambda: stage.counts.processed > 5)
         contacts = heard_by(process.peer, Contact, '/left/contact')
         outsider = rclpy.create_node('outsider')
         publisher = outsider.create_publisher(Contact, '/left/contact', frames_qos(10))
-        until(lambda: (process.send(), time.sleep(PERIOD), publisher.get_subscription_count() > 1)[-1])
-        until(lambda: (process.send(), time.sleep(PERIOD), len(contacts) > 5)[-1])
+        process.send_until(lambda: publisher.get_subscription_count() > 1)
+        process.send_until(lambda: len(contacts) > 5)
         assert not stage.counts.dropped, 'our own messages come back and are no second source'
         foreign = contacts[-1]
         foreign.sequence += 1_000_000
@@ -379,8 +387,8 @@ def test_neither_a_foreign_node_in_the_middle_of_the_chain_nor_our_own_is_used(m
         assert stage.counts.dropped[RejectReason.WRONG_LENGTH] > 10
         outsider.destroy_node()
         before = stage.counts.processed
-        until(lambda: (process.send(), time.sleep(PERIOD), stage.counts.processed > before + 10)[-1])
-        until(lambda: (process.send(), time.sleep(PERIOD), stage._subscription is None)[-1])
+        process.send_until(lambda: stage.counts.processed > before + 10)
+        process.send_until(lambda: stage._subscription is None)
 
 
 def test_a_bag_that_records_everything_changes_no_count():
@@ -392,7 +400,7 @@ def test_a_bag_that_records_everything_changes_no_count():
         topics = {name: kind for name, kind in frame_topics(['left', 'right']).items() if not name.endswith('taxels')}
         heard = {name: heard_by(process.peer, getattr(importlib.import_module(f'{package}.msg'), kind), name)
                  for name, (package, _, kind) in ((name, kind.split('/')) for name, kind in topics.items())}
-        until(lambda: (process.send(), time.sleep(0.1), all(heard.values()))[-1])
+        process.send_until(lambda: all(heard.values()))
         for pad in ('left', 'right'):
             taxels, contacts = (process.input(f'/{pad}/{role}') for role in ('processor', 'classifier'))
             assert process.chain.wait_until_idle(TIMEOUT)
@@ -459,18 +467,21 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
 def test_a_stage_that_is_destroyed_ends_no_other_and_another_takes_its_place():
     with Process() as process:
         left, right = (process.input(f'/{pad}/classifier') for pad in ('left', 'right'))
-        until(lambda: (process.send(), time.sleep(PERIOD), left.counts.processed > 5)[-1])
+        process.send_until(lambda: left.counts.processed > 5)
         processor, gone = process.nodes['/left/processor'], threading.Event()
         executor = processor.executor
         executor.create_task(lambda: (executor.remove_node(processor), processor.destroy_node(), gone.set()))
         assert gone.wait(TIMEOUT)
         before = right.counts.processed
-        until(lambda: (process.send(), time.sleep(PERIOD), right.counts.processed > before + 5)[-1])
+        process.send_until(lambda: right.counts.processed > before + 5)
         other, before = ProcessorNode(namespace='/left'), left.counts.processed
         executor.add_node(other)
         frames = process.peer.create_publisher(TaxelArray, '/left/taxels', frames_qos(10))
-        until(lambda: (process.send(), frames.publish(taxel_array_message(pad_frame(process.sequence))),
-                       time.sleep(PERIOD), left.counts.processed > before + 5)[-1])
+
+        def is_used():
+            frames.publish(taxel_array_message(pad_frame(process.sequence)))
+            return left.counts.processed > before + 5
+        process.send_until(is_used)
         executor.remove_node(other)
         other.destroy_node()
 

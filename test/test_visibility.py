@@ -76,14 +76,6 @@ def test_saturated_taxels_in_a_contact_and_around_it():
     assert (found.saturated_in_contact, found.saturated_in_ring) == (2, 1)
 
 
-def test_seven_hidden_rows_of_sixteen_are_not_seen():
-    frame = np.zeros((16, 16))
-    assert visibility(frame).pad_seen
-    frame[3:10] = NAN
-    found = visibility(frame)
-    assert not found.pad_seen and found.hidden == found.largest_hidden == 112
-
-
 def test_four_hidden_taxels_beside_a_large_contact_are_room_enough():
     frame = np.zeros((16, 16))
     frame[2:10, 2:10] = 9
