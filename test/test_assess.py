@@ -421,8 +421,3 @@ def test_frames_of_two_skins_are_refused(recordings):
     np.save(recordings / 'other.npy', np.pad(np.full((5, 5), 5e4), 5)[:, 1:])
     assert main(['assess', '--name', 'circle', '--from', str(recordings / 'circle.npy'), '--name', 'square', '--from',
                  str(recordings / 'other.npy')]) == 2
-
-
-def test_files_without_a_touch_are_refused(tmp_path):
-    np.save(tmp_path / 'empty.npy', np.zeros((3, 9, 9)))
-    assert main(['assess', '--name', 'circle', '--from', str(tmp_path / 'empty.npy')]) == 2

@@ -4,12 +4,12 @@ Other libraries must read our bags, and our reader must read their bags.
 """
 
 import sqlite3
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import can
 import numpy as np
 import pytest
+from test_logs import write_database
 from test_topic_bag import bag as topic_bag
 
 from tactile_node.errors import LogError
@@ -127,16 +127,7 @@ def test_a_bag_without_can_frames_is_reported_by_its_topics(tmp_path, plugin):
 
 def of_sqlite(folder, name):
     """Write the first three messages of SENT as an SQLite bag or as a python-can SQLite log (.db)."""
-    if name == 'bag':
-        return bag(folder / name, 'SQLITE3')
-    writer = can.Logger(str(folder / name))
-    for message in SENT[:3]:
-        writer.on_message_received(message)
-    # A stopped python-can writer discards its queued messages, so wait until all are written.
-    while writer.num_frames < 3:
-        time.sleep(0.01)
-    writer.stop()
-    return folder / name
+    return bag(folder / name, 'SQLITE3') if name == 'bag' else write_database(folder / name, SENT[:3])
 
 
 @pytest.mark.parametrize('damage', ["timestamp = 'x'", 'topic_id = 99', 'data = 8'])

@@ -21,6 +21,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from sensor_msgs.msg import JointState
 from simulated_person import PADS, ROOT, SLOW, Process, commission
+from waiting import until, wait_until
 
 from tactile_node.cli.commission import Terminal, _plan
 from tactile_node.cli.main import _parser, main
@@ -107,13 +108,6 @@ class Hand:
                                values=array('f', self.values), status=array('B', [TaxelArray.VALID] * 16))
             frame.header.stamp = stamp
             publisher.publish(frame)
-
-
-def until(condition):
-    end = time.monotonic() + LIMIT
-    while not condition():
-        assert time.monotonic() < end, 'timeout'
-        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -249,10 +243,7 @@ class Session(Process):
         self.type(line)
 
     def until(self, texts, start=0):
-        end = time.monotonic() + LIMIT
-        while not any(text in self.text[start:] for text in texts):
-            assert time.monotonic() < end, self.text
-            time.sleep(0.02)
+        assert wait_until(lambda: any(text in self.text[start:] for text in texts), LIMIT), self.text
 
 
 def first_movement(ros, folder, hand):

@@ -5,7 +5,6 @@ import itertools
 import re
 import sqlite3
 import struct
-import time
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -14,7 +13,7 @@ from tempfile import TemporaryDirectory
 import can
 import numpy as np
 import pytest
-from test_logs import tiny_log
+from test_logs import tiny_log, write_database
 
 from tactile_node.cli.main import main
 from tactile_node.errors import LogError
@@ -164,14 +163,9 @@ def test_a_date_that_cannot_be_read_costs_the_date_alone(tmp_path, date):
 
 @pytest.mark.slow
 def test_damage_within_a_database_is_reported(tmp_path):
-    path = tmp_path / 'x.db'
-    writer, random = can.Logger(str(path)), np.random.default_rng(1)
-    for n in range(6000):
-        writer.on_message_received(can.Message(1.7e9 + n / 1000, 0x181, False, data=random.bytes(8), channel=0))
-    # A stopped python-can writer discards its queued messages, so wait until all are written.
-    while writer.num_frames < 6000:
-        time.sleep(0.01)
-    writer.stop()
+    random = np.random.default_rng(1)
+    path = write_database(tmp_path / 'x.db', [
+        can.Message(1.7e9 + n / 1000, 0x181, False, data=random.bytes(8), channel=0) for n in range(6000)])
     content = bytearray(path.read_bytes())
     content[0x7000 + 300:0x7000 + 340] = 40 * b'\xC6'
     path.write_bytes(content)
@@ -183,13 +177,8 @@ def test_damage_within_a_database_is_reported(tmp_path):
                                     'arbitration_id = 4096', 'arbitration_id = 385.5', 'dlc = NULL', 'dlc = 7',
                                     'data = NULL', 'data = 8'])
 def test_a_damaged_row_of_a_database_costs_its_own_frame(tmp_path, damage):
-    path = tmp_path / 'x.db'
-    writer = can.Logger(str(path))
-    for n in range(20):
-        writer.on_message_received(can.Message(1.7e9 + n / 10, 0x181, False, data=[n, *7 * [0x55]], channel=0))
-    while writer.num_frames < 20:
-        time.sleep(0.01)
-    writer.stop()
+    path = write_database(tmp_path / 'x.db', [
+        can.Message(1.7e9 + n / 10, 0x181, False, data=[n, *7 * [0x55]], channel=0) for n in range(20)])
     with sqlite3.connect(path) as base:
         base.execute(f'UPDATE messages SET {damage} WHERE rowid = 11')
     base.close()

@@ -9,7 +9,6 @@ import re
 import shlex
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 import pytest
 from command_rules import HERE, RULES, CommandKind
 from matplotlib import pyplot
+from waiting import until
 
 from tactile_node.cli.main import main
 
@@ -94,10 +94,9 @@ def simulated(text: str) -> Iterator[None]:
     words = shlex.split(text)[1:]
     skin = subprocess.Popen([sys.executable, '-m', 'tactile_node.cli.main', *words], stdout=subprocess.DEVNULL)
     try:
-        link, deadline = Path(words[words.index('--link') + 1]), time.monotonic() + TIMEOUT
-        while not link.is_symlink():
-            assert skin.poll() is None and time.monotonic() < deadline
-            time.sleep(0.02)
+        link = Path(words[words.index('--link') + 1])
+        until(lambda: link.is_symlink() or skin.poll() is not None, TIMEOUT)
+        assert skin.poll() is None
         yield
     finally:
         skin.terminate()

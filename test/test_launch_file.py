@@ -285,7 +285,8 @@ def test_two_grippers_below_a_pushed_namespace_run_and_leave_no_process(robot, n
 @needs_launch
 @pytest.mark.ros
 @pytest.mark.bus
-@pytest.mark.parametrize('word', ['params_file:=/nowhere.yaml', 'layout:=/nowhere.yaml', 'pads:=left,left'])
+@pytest.mark.parametrize('word', ['params_file:=/nowhere.yaml', *(
+    pytest.param(word, marks=pytest.mark.long) for word in ('layout:=/nowhere.yaml', 'pads:=left,left'))])
 def test_a_gripper_that_cannot_start_leaves_the_robot_running(robot, word):
     process, output = robot(word)
     assert wait_until(lambda: output.read_text().count('expected ') == 2)

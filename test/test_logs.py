@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from can_bench import tiny_layout
 from candump import DATA, read_candump
+from waiting import until
 
 from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.health import BusFault, TpdoOrder
@@ -101,6 +102,16 @@ SYNC, ROWS = '(1.0) can0 080#', ('(1.1) can0 181#0A0B', '(1.2) can0 281#0A0A', '
 def tiny_log(folder, *lines, name='x.log'):
     path = folder / name
     path.write_text('\n'.join(lines) + '\n')
+    return path
+
+
+def write_database(path, messages):
+    """Write a database (.db) with python-can, whose writer discards its queued messages when it is stopped."""
+    writer = can.Logger(str(path))
+    for message in messages:
+        writer.on_message_received(message)
+    until(lambda: writer.num_frames == len(messages))
+    writer.stop()
     return path
 
 

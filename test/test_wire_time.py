@@ -14,6 +14,7 @@ import tty
 from pathlib import Path
 
 import pytest
+from waiting import until
 
 ROOT = Path(__file__).resolve().parents[1]
 NODES = (32, 64)
@@ -77,10 +78,8 @@ class Client:
     def report(self) -> dict:
         before = self._reports()
         self.process.send_signal(signal.SIGUSR1)
-        end = time.monotonic() + TIMEOUT
-        while len(reports := self._reports()) == len(before) and time.monotonic() < end:
-            time.sleep(0.005)
-        return json.loads(reports[-1])
+        until(lambda: len(self._reports()) > len(before), TIMEOUT)
+        return json.loads(self._reports()[-1])
 
     def _reports(self) -> list[str]:
         return self._report.read_text(encoding='utf-8').split('\n')[:-1] if self._report.exists() else []
