@@ -72,9 +72,7 @@ def test_messages_sent_in_a_step_arrive_before_its_end(make_bench):
         assert bench.node._control.commands.opening(STEP / 2) == bench.motor.opening < first
 
 
-@pytest.mark.parametrize(('kind', 'stop_by'), [
-    (KINDS[0], 'cancel'), (KINDS[1], 'goal'), pytest.param(KINDS[0], 'goal', marks=LONG),
-    pytest.param(KINDS[1], 'cancel', marks=LONG)])
+@pytest.mark.parametrize(('kind', 'stop_by'), [(KINDS[0], 'cancel'), (KINDS[1], 'goal')])
 def test_a_goal_without_effort_ends_when_both_pads_are_touched(make_bench, kind, stop_by):
     bench = make_bench(kind, {'stop_by': stop_by})
     status, state, outcome = bench.close(position=0.0)

@@ -65,9 +65,6 @@ def test_unmapped_and_dead_taxels_are_nan(tmp_path):
 
 
 BAD = {
-    'not YAML': ('rows: [1', 'in line'),
-    'a key twice': (TINY + 'rows: 3\n', "'rows' is given twice in line"),
-    'no mapping': ('- 1\n- 2\n', 'mapping'),
     'empty': ('', 'nothing'),
     'missing key': (TINY.replace('pitch: 0.003', ''), 'key "pitch"'),
     'misspelt key': (TINY.replace('pitch', 'pich'), 'or rename "pich" to it'),

@@ -151,7 +151,8 @@ def test_the_arm_moves_neither_before_the_first_feedback_nor_low_during_the_base
     assert 1 <= min(at for at, speed in high.speeds if speed) < 1.1
 
 
-@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP], ids=['killed', 'stopped'])
+@pytest.mark.parametrize('number', [pytest.param(signal.SIGKILL, marks=pytest.mark.long, id='killed'),
+                                    pytest.param(signal.SIGSTOP, id='stopped')])
 def test_the_arm_stops_after_the_node_was_killed_or_stopped(ros, number):
     """The gripper node and the planner are processes of their own, and the pads are in this process."""
     from gripper_bench import GripperBench

@@ -28,7 +28,6 @@ from tactile_skin.msg import Contact, ContactFeatures, ContactShape, ContactShap
 
 pytestmark = pytest.mark.ros
 PITCH = 0.002
-PERIOD = 0.02  # Period of the frames in tests that depend on time [s].
 TOPICS = {'contact': (Contact, lambda message: check_contact(message) is None),
           'shape': (ContactShape, lambda message: check_contact_shape(message) is None),
           'shapes': (ContactShapes, shapes_fit), 'features': (ContactFeatures, features_fit)}
@@ -61,18 +60,17 @@ class Pad(RosBench):
         return [each for node in (self.processor, self.classifier) for each in node.publishers
                 if each.topic_name == f'/{topic}']
 
-    def send(self, frame, saturated=False, unmapped=False, layer=None, ends=NO_SIDE, stamp=None) -> SimpleNamespace:
+    def send(self, frame, saturated=False, unmapped=False, layer=None, ends=NO_SIDE) -> SimpleNamespace:
         """Publish the frame ``frame`` [Pa] and return the resulting messages by topic.
 
-        Each message is checked, and None marks a missing message. The unit of ``stamp`` is seconds, and None means the
-        present time.
+        Each message is checked, and None marks a missing message.
         """
         self.until(lambda: self._taxels.get_subscription_count())
         values = np.asarray(frame, np.float32)
         status = np.where(np.isnan(values), TaxelStatus.STALE, TaxelStatus.VALID).astype(np.uint8)
         status[np.broadcast_to(saturated, status.shape)] = TaxelStatus.SATURATED
         status[np.broadcast_to(unmapped, status.shape)] = TaxelStatus.UNMAPPED
-        frame = TaxelFrame(stamp or time.time(), self._sequence, values, status, 0)
+        frame = TaxelFrame(time.time(), self._sequence, values, status, 0)
         taxels = taxel_array_message(PadFrame.of(frame, Taxels(PITCH, 'Pa', layer, ends), 'left_pad'))
         self._taxels.publish(taxels)
         self.until(lambda: all(heard and heard[-1].sequence == taxels.sequence
@@ -123,19 +121,6 @@ def test_places_without_a_taxel_hide_nothing(pad):
     unmapped[:6, :6] = True
     found = pad.send(np.where(unmapped, np.nan, 0.0), unmapped=unmapped)
     assert (found.contact.state, found.shape.shape) == (Contact.EMPTY, ContactShape.NONE)
-
-
-def test_a_grasp_that_freezes_is_unseen_at_once_and_its_shape_comes_back(pad):
-    begun = time.time()
-    for number in range(20):
-        before = pad.send(block(), stamp=begun + PERIOD * number).shape
-    assert before.shape == ContactShape.SQUARE and before.fused_frames == 20
-    for number in range(20, 25):
-        hidden = pad.send(np.full((16, 16), np.nan), stamp=begun + PERIOD * number).shape
-        assert (hidden.shape, hidden.unknown_reason) == (ContactShape.UNKNOWN, ContactShape.NOT_SEEN)
-        assert hidden.held.sec == hidden.held.nanosec == hidden.fused_frames == 0 and np.isnan(hidden.force)
-    after = pad.send(block(), stamp=begun + PERIOD * 25).shape
-    assert after.shape == ContactShape.SQUARE and after.fused_frames == 1 and after.confidence > 0.9
 
 
 def test_hidden_and_saturated_taxels_are_counted_and_make_force_and_size_bounds(pad):

@@ -5,7 +5,7 @@ import pytest
 
 from tactile_node.errors import ConfigurationError
 from tactile_node.skin.layout_file import load_layout, read_layout
-from tactile_node.yaml_keys import ListOf, Switch, Whole
+from tactile_node.yaml_keys import Whole
 from tactile_node.yaml_section import MOST_BYTES, line_of, load_mapping
 
 
@@ -31,12 +31,6 @@ def test_a_missing_file_is_refused_by_name(tmp_path):
     with pytest.raises(ConfigurationError) as refused:
         load_mapping(tmp_path / 'missing.yaml', 'a skin layout')
     assert refused.value.where == str(tmp_path / 'missing.yaml')
-
-
-def test_a_value_that_is_not_a_list_is_refused_by_key(tmp_path):
-    with pytest.raises(ConfigurationError) as refused:
-        load_mapping(written(tmp_path, 'nodes: 3'), 'a skin layout').read('nodes', ListOf(Switch()))
-    assert 'nodes' in refused.value.where and refused.value.expected == 'a list'
 
 
 def nested(depth):
