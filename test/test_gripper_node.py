@@ -21,7 +21,7 @@ from tactile_node.gripper.gripper_node import GripperNode
 from tactile_node.gripper.messages import touch_of
 from tactile_node.gripper.rules.closing import Outcome
 from tactile_node.gripper.rules.touch_settings import TouchSettings
-from tactile_skin.msg import ContactMotion, Grasp, GripperOutcome
+from tactile_skin.msg import ContactMotion, Grasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus, pytest.mark.usefixtures('control_msgs')]
 
@@ -54,11 +54,6 @@ def set_(**fields):
 def unseen(message):
     return set_(contact=Grasp.UNSEEN, side_states=[Grasp.SIDE_UNSEEN, message.side_states[1]],
                 forces=[math.nan, message.forces[1]])(message)
-
-
-def test_the_outcomes_of_the_message_are_those_of_the_code():
-    assert {each.name: getattr(GripperOutcome, each.name) for each in Outcome} == {
-        each.name: int(each) for each in Outcome}
 
 
 def test_messages_sent_in_a_step_arrive_before_its_end(make_bench):

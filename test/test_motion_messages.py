@@ -32,17 +32,6 @@ SLIDING = Motion(Moving.SLIDING, 0.01, 1.0, math.nan, Observable.ALONG_X, (), SL
 STOPPED = Motion(Moving.STILL, observable=Observable.ALONG_X, last_event=SLID)
 
 
-@pytest.mark.parametrize(('message', 'codes'), [(ContactEvent, EventKind), (ContactMotion, Moving),
-                                                (ContactMotion, Observable)])
-def test_the_messages_have_our_codes(message, codes):
-    assert all(getattr(message, code.name) == code for code in codes)
-
-
-def test_each_measurement_that_shows_an_event_has_its_code():
-    assert ContactEvent.SEEN_BY_NOT_KNOWN == SeenBy.NOT_KNOWN
-    assert all(getattr(ContactEvent, code.name) == code for code in SeenBy if code)
-
-
 class Held:
     """A grasp whose left contact moves as the test directs, while the right contact stays still."""
 

@@ -10,17 +10,9 @@ import pytest
 from test_malformed_messages import good_shape
 from virtual_gripper import AGE, PERIOD, STEP
 
-from tactile_node.code_names import name_of
 from tactile_node.gripper.put_down_goal import FEEDBACK_LIMIT
 from tactile_node.gripper.rules.closing import Outcome
-from tactile_node.gripper.rules.put_down import (
-    BASELINE_TIME,
-    BLIND_TIME,
-    LASTING,
-    LONGEST_TIMEOUT,
-    PutDownOutcome,
-    Sign,
-)
+from tactile_node.gripper.rules.put_down import BASELINE_TIME, BLIND_TIME, LASTING, LONGEST_TIMEOUT
 from tactile_skin.action import PutDown
 from tactile_skin.msg import GraspSides
 
@@ -103,14 +95,6 @@ def moved(sides, by=1e-3):
     for side in sides.sides:
         side.centre_of_pressure.x += by
     return sides
-
-
-def test_the_codes_of_the_action_are_those_of_the_rules():
-    outcomes = {each.name: each.value for each in PutDownOutcome}
-    assert {name: getattr(Result, name) for name in outcomes} == outcomes
-    assert {each.name: getattr(Result, each.name) for each in Sign} == {each.name: each.value for each in Sign}
-    assert Result().outcome == Result.NOT_KNOWN and not PutDown.Feedback().watching
-    assert name_of(Result, 'outcome', Result.DRIFTED) == 'DRIFTED'
 
 
 def test_a_touch_is_reported_with_its_sign_and_moves_nothing(make_bench):

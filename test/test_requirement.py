@@ -1,8 +1,6 @@
 """The unmet conditions of a grasp, derived from given facts. A fact that is currently unknown meets no requirement."""
 
-import re
 from math import inf, nan
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from tactile_node.grasp.gripper import Line
 from tactile_node.grasp.requirement import MOST_REQUIRED, Missing, Requirement, SideShape, missing
 from tactile_node.grasp.tracker import GraspContact, GraspState, SideState
 
-ROOT = Path(__file__).resolve().parents[1]
 M = Missing
 SQUARE = SideShape('square', 0.9)
 LINE = Line(np.zeros(3), np.array((0.001, 0.0, 0.03)), width=0.03, offset=0.001, misalignment=0.033)
@@ -91,13 +88,3 @@ def test_a_requirement_that_no_grasp_can_meet_is_refused(required, refusal):
     assert error.value.refusal is refusal
 
 
-def constants(file: str) -> dict[str, int]:
-    text = (ROOT / file).read_text(encoding='utf-8')
-    return {name: int(number) for name, number in re.findall(r'^uint8 ([A-Z_]+)=(\d+)', text, re.MULTILINE)}
-
-
-def test_the_messages_have_our_codes():
-    assert constants('msg/RequirementState.msg') == {each.name: each.value for each in Missing}
-    codes = constants('srv/CheckGrasp.srv')
-    refusals = {each.name: each.value for each in RequirementRefusal if each}
-    assert {name: codes[name] for name in refusals} == refusals and codes['REFUSAL_NOT_KNOWN'] == 0

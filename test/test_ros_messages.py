@@ -330,12 +330,6 @@ def test_a_grasp_without_an_opening_has_no_width_and_marks_it_as_unknown():
     assert math.isfinite(grasp.offset)
 
 
-def test_the_sources_of_an_opening_have_the_codes_of_the_message():
-    assert {source.name: source.value for source in GapSource} == {
-        name.removeprefix('GAP_'): getattr(Grasp, name) for name in (
-            'GAP_NOT_KNOWN', 'GAP_PARAMETER', 'GAP_JOINT_STATES', 'GAP_TF')}
-
-
 def test_one_touched_pad_gives_no_line():
     grasp = grasp_of(shape(block(6, 6), Shape.SQUARE), shape(np.zeros((16, 16), np.float32), Shape.NONE))
     assert grasp.contact == Grasp.ONE_SIDED and math.isnan(grasp.width) and math.isnan(grasp.midpoint.x)
