@@ -12,6 +12,7 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from waiting import wait_until
 
 from tactile_node.assembly.health import NodeFault
+from tactile_node.bus import bus_devices
 from tactile_node.bus.device_setup import DeviceSetup
 from tactile_node.bus.own_sdo import OwnSdoClient
 from tactile_node.errors import BusError, DeviceAbsentError, TwoDevicesError
@@ -110,13 +111,15 @@ def test_a_driver_closes_while_it_configures_a_slow_device():
             assert requests() <= 2
 
 
-def test_the_driver_waits_for_a_device_that_starts_late():
+def test_the_driver_waits_for_a_device_that_starts_late(monkeypatch):
+    """The device starts later than START_PERIOD and three heartbeat times of 0.1 s, and within ``boot_timeout``."""
+    monkeypatch.setattr(bus_devices, 'START_PERIOD', 0.1)
     with Bench('late start', boot_timeout=20.0) as bench:
         bench.driver.open()
         bench.driver.configure()
         device = bench.simulator.devices[32]
         device.refuses_start = True
-        threading.Timer(2.0, setattr, (device, 'refuses_start', False)).start()
+        threading.Timer(0.6, setattr, (device, 'refuses_start', False)).start()
         bench.driver.start()
         assert device.operational
 
