@@ -98,50 +98,48 @@ def test_a_rejected_goal_ends(world):
     assert goal.ending.status == GoalStatus.STATUS_UNKNOWN and goal.handle is None
 
 
+@pytest.fixture
+def planner(ros):
+    """A planner's node, which no executor spins, and its client."""
+    import rclpy
+    node = rclpy.create_node('planner')
+    ros.callback(node.destroy_node)
+    client = TouchClient(node)
+    ros.callback(client.destroy)
+    return node, client
+
+
 @pytest.mark.parametrize('is_spun', [True, False])
-def test_a_program_without_an_executor_waits_as_well(ros, is_spun):
+def test_a_program_without_an_executor_waits_as_well(ros, planner, is_spun):
     """A gripper node without pads refuses to close.
 
     Either the client or another thread spins the client's node.
     """
-    import rclpy
-
     from tactile_node.gripper.gripper_node import GripperNode
-    gripper, planner = GripperNode(), rclpy.create_node('planner')
+    gripper, (node, client) = GripperNode(), planner
     ros.callback(gripper.destroy_node)
-    ros.callback(planner.destroy_node)
-    client = TouchClient(planner)
-    ros.callback(client.destroy)
-    with spinning([gripper, planner] if is_spun else [gripper]):
+    with spinning([gripper, node] if is_spun else [gripper]):
         goal = client.send(position=0.0)
         ending = client.wait(goal, 60.0, spin=not is_spun)
         assert (ending.status, ending.outcome.outcome) == (GoalStatus.STATUS_ABORTED, Outcome.NOT_SEEN)
 
 
 @pytest.mark.parametrize('spin', [True, False])
-def test_the_wait_is_bounded(ros, spin):
-    import rclpy
-    planner = rclpy.create_node('planner')
-    ros.callback(planner.destroy_node)
-    client = TouchClient(planner)
-    ros.callback(client.destroy)
+def test_the_wait_is_bounded(planner, spin):
+    _, client = planner
     with pytest.raises(TimeoutError, match='touch_gripper/gripper_cmd: the goal has not ended') as raised:
         client.wait(client.send(position=0.0), 0.2, spin=spin)
     assert ('spin=True' in str(raised.value)) is not spin
 
 
-def test_waiting_leaves_the_node_to_its_executor(ros):
+def test_waiting_leaves_the_node_to_its_executor(planner):
     """If the client also spun the node, rclpy would take the node away from its executor, and one of the two fails."""
-    import rclpy
-    planner = rclpy.create_node('planner')
-    ros.callback(planner.destroy_node)
-    client = TouchClient(planner)
-    ros.callback(client.destroy)
-    with spinning([planner]):
-        executor = planner.executor
+    node, client = planner
+    with spinning([node]):
+        executor = node.executor
         with pytest.raises(TimeoutError):
             client.wait(client.send(position=0.0), 0.2)
-        assert planner.executor is executor
+        assert node.executor is executor
 
 
 class LateRegister(dict):
