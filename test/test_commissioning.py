@@ -495,6 +495,7 @@ def test_an_interruption_stops_the_gripper_and_keeps_the_finished_steps(finished
     assert 'stops' in CommissioningRecord(tmp_path / 'record.json')
 
 
+@pytest.mark.slow
 def test_an_interrupted_check_says_what_was_stopped_and_what_is_unfinished(finished, tmp_path):
     desk, plan = desk_of()
     first = without(finished[2], tmp_path, 'proof')
@@ -846,6 +847,7 @@ def test_a_joint_without_noise_comes_to_rest(finished, tmp_path, monkeypatch):
     assert desk.now() < 100 + 60  # a gripper that never counts as at rest waits for MOVE_LIMIT in each movement
 
 
+@pytest.mark.slow
 def test_a_step_that_needs_a_skipped_step_is_left_out(finished, tmp_path):
     content = json.loads(finished[2].read_text())
     content['steps'] = {name: content['steps'][name] for name in ('rest', 'pads', 'first movement', 'stops')}
@@ -945,6 +947,7 @@ def test_a_tared_pad_is_not_taken_for_another_pad(finished, tmp_path):
     assert Change.PAD_EXCHANGED not in {each.change for each in found}
 
 
+@pytest.mark.slow
 def test_an_exchanged_pad_that_was_tared_is_found_by_its_serial_number(finished, tmp_path):
     content = json.loads(finished[2].read_text())
     for number, pad in enumerate(content['steps']['rest']['pads']):

@@ -1,6 +1,5 @@
 """The MoveIt example: the held object is attached and detached, and its files agree with each other."""
 
-from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -46,10 +45,9 @@ def test_a_grasp_that_is_held_is_attached_once(held):
     assert held.changed_by(grasp(), sides(), 0.0) is None
 
 
-@pytest.mark.parametrize('fields', [{'stable': False}, {'fresh': False}, {'width': nan}, {'contact': Grasp.ONE_SIDED},
-                                    {'contact': Grasp.UNSEEN}, {'same_shape': False}])
-def test_a_doubtful_grasp_is_not_attached(held, fields):
-    assert held.changed_by(grasp(**fields), sides(), 0.0) is None
+def test_a_doubtful_grasp_is_not_attached(held):
+    """test_collision_object.py tests which grasps are doubtful."""
+    assert held.changed_by(grasp(stable=False), sides(), 0.0) is None and not held.is_attached
 
 
 @pytest.mark.parametrize('fields', [{'contact': Grasp.UNSEEN}, {'contact': Grasp.ONE_SIDED}, {'stable': False},
@@ -57,12 +55,6 @@ def test_a_doubtful_grasp_is_not_attached(held, fields):
 def test_a_doubtful_grasp_does_not_detach(held, fields):
     held.changed_by(grasp(), sides(), 0.0)
     assert held.changed_by(grasp(**fields), sides(), 0.0) is None and held.is_attached
-
-
-def test_sides_of_another_grasp_do_not_attach(held):
-    later = sides()
-    later.header.stamp.sec = 1
-    assert held.changed_by(grasp(), later, 0.0) is None and not held.is_attached
 
 
 def test_an_empty_gripper_detaches_once_and_can_attach_again(held):
