@@ -1,7 +1,7 @@
 """Pages with the results of recognition, which show the main columns of the recorded tables.
 
-The script bench_recognition.py records its tables itself. The tables of bench_hidden.py, bench_real_arrays.py and
-bench_teach.py are copied from the output of these scripts.
+The script bench_recognition.py records its tables itself. The tables of bench_real_arrays.py and bench_teach.py are
+copied from the output of these scripts, and so were the tables of bench_hidden.py at commit ecd333e6.
 """
 
 from bench.recognition.views import ResultPage, Row, View, across, columns, names, of
@@ -61,9 +61,9 @@ FAULTS = (
          'and shows the share recognised / with a name at a confidence of 0.9 or more. In the last row, the zero and '
          'the gain of each taxel are known, the gains with an error of 10 %.', 'Skins with a halo', ('frames read',),
          across('beside', of('recognised, %', 'sure, %'))),
-    View('Hidden taxels', 'Contacts of 12-100 taxels lie in general position. Each TPDO carries 8 taxels of a row '
-         '(`python bench/bench_hidden.py`, 600 contacts in each cell). Each cell shows the share of right answers / of '
-         'answers with another shape at a confidence above 0.9, for the recogniser as shipped.',
+    View('Hidden taxels', 'Contacts of 12-100 taxels lie in general position, 600 in each cell. Each TPDO carries 8 '
+         'taxels of a row. Each cell shows the share of right answers / of answers with another shape at a confidence '
+         'above 0.9, for the recogniser as shipped.',
          'Hidden taxels', ('hidden',),
          across('frames', of('right, with readings, %', 'wrong and sure, with readings, %'))),
     View('Missing TPDOs', 'Contacts of 40-100 taxels press a 16x16 pad with 32 TPDOs, 500 contacts in each cell. Ten '
