@@ -8,7 +8,7 @@ with seeds from 1000 on, and the reported seeds begin at 0. The benchmark needs 
 
     make grasps                     # 100 starts for each column; each finished start is a line in
                                     # build/grasps/starts.jsonl, and a second run continues
-    python bench/bench_grasps.py --report | --latency
+    python bench/bench_grasps.py --report
 
 The simulation and the nodes run in real time and use two cores. On a busy machine, the nodes receive frames too late
 and stop the gripper.
@@ -34,15 +34,10 @@ from built_messages import built_messages
 from scipy.stats import binomtest
 
 from examples.simulated_gripper.items import ITEMS
-from examples.simulated_gripper.world import AIM, Place, random_place
+from examples.simulated_gripper.world import Place, random_place
 
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
 ENDS = ('held', 'dropped', 'broken', 'refused')  #: A start is refused if the planner gives up before the squeeze.
-SPEEDS = 0.005, 0.02, 0.05  # closing speeds [m/s]
-REPEATS = 5  # number of closing goals per start, speed and force limit
-LIMIT = 3.0  # force limit [N]
-OPENED = 0.055  # gap to which the gripper opens [m]
-FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
 
 
 def main() -> None:
@@ -53,8 +48,6 @@ def main() -> None:
     parser.add_argument('--columns', default=','.join(COLUMNS), metavar='NAME,...')
     parser.add_argument('--output', type=Path, metavar='FILE')
     parser.add_argument('--report', action='store_true', help='report the finished starts')
-    parser.add_argument('--latency', action='store_true',
-                        help='measure the delay from touch to stop, and the overshoot beyond a force limit')
     args = parser.parse_args()
     args.items, args.columns = args.items.split(','), args.columns.split(',')
     args.output = args.output or FOLDER / 'starts.jsonl'
@@ -65,9 +58,8 @@ def main() -> None:
             from grasp_session import started_rclpy
             stack.enter_context(started_rclpy())
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            (measure_latency if args.latency else run)(args, folder / 'skin')
-    if not args.latency:
-        report(read(args.output), args)
+            run(args, folder / 'skin')
+    report(read(args.output), args)
 
 
 def start_of(name: str, seed: int) -> Place:
@@ -163,32 +155,6 @@ def _print_numbers(column: str, records: list[dict]) -> None:
         counts = {word: words.count(word) for word in sorted(set(words)) if 'NOT_GIVEN_UP' not in word}
         if counts:
             print(f'    {key}: ' + ', '.join(f'{word} {count}' for word, count in counts.items()))
-
-
-def measure_latency(args: argparse.Namespace, link: Path) -> None:
-    """Close on a centred item, and measure the delay from touch to stop and the overshoot beyond a force limit."""
-    from grasp_columns import closed
-    from grasp_session import PARAMETERS, Session, WatchedWorld
-    for speed in SPEEDS:
-        own = {'fast_speed': speed, 'slow_speed': speed}
-        with Session(WatchedWorld(ITEMS[args.items[0]]), link, {**PARAMETERS, **FAST, **own}) as session:
-            late, beyond, again = [], [], 0
-            session.place(AIM)
-            for effort in args.starts * REPEATS * (0.0, LIMIT):
-                session.drive(OPENED)
-                session.until_open()
-                session.world.watch()
-                endings = closed(session, effort)
-                again += len(endings) - 1
-                if effort and endings == ['FORCE_REACHED']:
-                    beyond.append(max(session.world.peaks.values()) - effort)
-                elif endings == ['TOUCHED']:
-                    late.append(1e3 * (session.world.stopped_at - session.world.felt_at))
-        for name, values in (('ms from the first touched frame to the stop command', late),
-                             (f'N beyond a limit of {LIMIT:g} N', beyond)):
-            numbers = np.percentile(values, (50, 99)) if values else (np.nan, np.nan)
-            print(f'{1e3 * speed:.0f} mm/s: {name}: p50 {numbers[0]:.2f}, p99 {numbers[1]:.2f} ({len(values)})')
-        print(f'    goals that ended because pads were not seen: {again}', flush=True)
 
 
 if __name__ == '__main__':
