@@ -35,6 +35,7 @@ from scipy.stats import binomtest
 
 from examples.simulated_gripper.items import ITEMS
 from examples.simulated_gripper.world import Place, random_place
+from tactile_node.learning.teach import Rate
 
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
 ENDS = ('held', 'dropped', 'broken', 'refused')  #: A start is refused if the planner gives up before the squeeze.
@@ -129,8 +130,8 @@ def comparison(first: str, second: str, pairs: list[tuple[bool, ...]]) -> str:
 
 
 def share(count: int, total: int) -> str:
-    interval = binomtest(count, total).proportion_ci(method='wilson')
-    return f'{count}/{total} ({100 * interval.low:.0f}-{100 * interval.high:.0f})'
+    low, high = Rate(count, total).interval
+    return f'{count}/{total} ({100 * low:.0f}-{100 * high:.0f})'
 
 
 def _print_numbers(column: str, records: list[dict]) -> None:
