@@ -113,14 +113,10 @@ def measure(recogniser: VisibilityGuard, what: str, count: int, only: list[str],
                   f'plus one frame', flush=True)
 
 
-def lifted(recogniser: VisibilityGuard, way: str, number: int, stiffness: float | None = None,
-           purpose: Purpose = Purpose.EVALUATION) -> Lifted:
-    """Return the reports of one contact that is lifted and then slides.
-
-    Without ``stiffness`` of the finger's pitch joint [N m/rad], the stiffness is drawn.
-    """
-    rng = generator(purpose, SEED + 200_000 + 1000 * list(PROMISED).index(way) + number)
-    scene = Scene(rng, LIFTED[number % len(LIFTED)], way, skin=random_skin(rng, stiffness))
+def lifted(recogniser: VisibilityGuard, way: str, number: int) -> Lifted:
+    """Return the reports of one contact that is lifted and then slides."""
+    rng = generator(Purpose.EVALUATION, SEED + 200_000 + 1000 * list(PROMISED).index(way) + number)
+    scene = Scene(rng, LIFTED[number % len(LIFTED)], way, skin=random_skin(rng))
     speed = LIFTED_SPEEDS[number % len(LIFTED_SPEEDS)]
     path, seconds, begins = lift(rng, scene, speed, FAR_LIFTED)
     return reports_of(way, scene.see(recogniser, path, seconds), begins, scene.shift_per_load(LARGEST_LOAD), speed)
@@ -214,7 +210,6 @@ def main() -> None:
     parser.add_argument('--speeds', nargs='*', type=float, default=list(SPEEDS),
                         help='speeds to measure in this run [mm/s]')
     parser.add_argument('--seed', type=int, default=0, help='seed of the holds, where a new seed draws new holds')
-    parser.add_argument('--stiffness', type=float, help='stiffness of the pitch joint in the lifts [N m/rad]')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs/events.png')
     args = parser.parse_args()
     recogniser = make_recogniser()
@@ -222,7 +217,7 @@ def main() -> None:
         if what in ('quiet', 'shaken', 'swung'):
             count_false(recogniser, what, args.seconds, args.seed, args.ways)
         elif what == 'lifts':
-            report_lifts([lifted(recogniser, way, number, args.stiffness) for way in args.ways
+            report_lifts([lifted(recogniser, way, number) for way in args.ways
                           for number in range(args.count * len(LIFTED))], args.output)
         else:
             measure(recogniser, what, args.count, args.ways, args.speeds)

@@ -8,7 +8,7 @@ with seeds from 1000 on, and the reported seeds begin at 0. The benchmark needs 
 
     make grasps                     # 100 starts for each column; each finished start is a line in
                                     # build/grasps/starts.jsonl, and a second run continues
-    python bench/bench_grasps.py --report | --latency | --film docs/grasp.gif
+    python bench/bench_grasps.py --report
 
 The simulation and the nodes run in real time and use two cores. On a busy machine, the nodes receive frames too late
 and stop the gripper.
@@ -20,7 +20,6 @@ import json
 import os
 import sys
 import tempfile
-import threading
 import time
 from contextlib import ExitStack
 from itertools import combinations
@@ -35,17 +34,11 @@ from built_messages import built_messages
 from scipy.stats import binomtest
 
 from examples.simulated_gripper.items import ITEMS
-from examples.simulated_gripper.world import AIM, SIDES, Place, random_place
+from examples.simulated_gripper.world import Place, random_place
+from tactile_node.learning.teach import Rate
 
 FOLDER, COLUMNS = ROOT / 'build/grasps', ('blind', 'touch', 'shape', 'hold')
 ENDS = ('held', 'dropped', 'broken', 'refused')  #: A start is refused if the planner gives up before the squeeze.
-SPEEDS = 0.005, 0.02, 0.05  # closing speeds [m/s]
-REPEATS = 5  # number of closing goals per start, speed and force limit
-LIMIT = 3.0  # force limit [N]
-OPENED = 0.055  # gap to which the gripper opens [m]
-FAST = {'slow_speed': 0.05, 'fast_speed': 0.05, 'latency': 0.02, 'gripper_effort': 20.0}
-FRAME_RATE = 10  # frame rate of the film [1/s]
-FILM_PRESSURE = 40e3  # pressure shown in the brightest colour [Pa]
 
 
 def main() -> None:
@@ -56,10 +49,6 @@ def main() -> None:
     parser.add_argument('--columns', default=','.join(COLUMNS), metavar='NAME,...')
     parser.add_argument('--output', type=Path, metavar='FILE')
     parser.add_argument('--report', action='store_true', help='report the finished starts')
-    parser.add_argument('--latency', action='store_true',
-                        help='measure the delay from touch to stop, and the overshoot beyond a force limit')
-    parser.add_argument('--film', type=Path, metavar='GIF',
-                        help='film a grasp of the first item and seed in column shape')
     args = parser.parse_args()
     args.items, args.columns = args.items.split(','), args.columns.split(',')
     args.output = args.output or FOLDER / 'starts.jsonl'
@@ -70,9 +59,8 @@ def main() -> None:
             from grasp_session import started_rclpy
             stack.enter_context(started_rclpy())
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            (measure_latency if args.latency else film if args.film else run)(args, folder / 'skin')
-    if not args.latency and not args.film:
-        report(read(args.output), args)
+            run(args, folder / 'skin')
+    report(read(args.output), args)
 
 
 def start_of(name: str, seed: int) -> Place:
@@ -142,8 +130,8 @@ def comparison(first: str, second: str, pairs: list[tuple[bool, ...]]) -> str:
 
 
 def share(count: int, total: int) -> str:
-    interval = binomtest(count, total).proportion_ci(method='wilson')
-    return f'{count}/{total} ({100 * interval.low:.0f}-{100 * interval.high:.0f})'
+    low, high = Rate(count, total).interval
+    return f'{count}/{total} ({100 * low:.0f}-{100 * high:.0f})'
 
 
 def _print_numbers(column: str, records: list[dict]) -> None:
@@ -168,68 +156,6 @@ def _print_numbers(column: str, records: list[dict]) -> None:
         counts = {word: words.count(word) for word in sorted(set(words)) if 'NOT_GIVEN_UP' not in word}
         if counts:
             print(f'    {key}: ' + ', '.join(f'{word} {count}' for word, count in counts.items()))
-
-
-def measure_latency(args: argparse.Namespace, link: Path) -> None:
-    """Close on a centred item, and measure the delay from touch to stop and the overshoot beyond a force limit."""
-    from grasp_columns import closed
-    from grasp_session import PARAMETERS, Session, WatchedWorld
-    for speed in SPEEDS:
-        own = {'fast_speed': speed, 'slow_speed': speed}
-        with Session(WatchedWorld(ITEMS[args.items[0]]), link, {**PARAMETERS, **FAST, **own}) as session:
-            late, beyond, again = [], [], 0
-            session.place(AIM)
-            for effort in args.starts * REPEATS * (0.0, LIMIT):
-                session.drive(OPENED)
-                session.until_open()
-                session.world.watch()
-                endings = closed(session, effort)
-                again += len(endings) - 1
-                if effort and endings == ['FORCE_REACHED']:
-                    beyond.append(max(session.world.peaks.values()) - effort)
-                elif endings == ['TOUCHED']:
-                    late.append(1e3 * (session.world.stopped_at - session.world.felt_at))
-        for name, values in (('ms from the first touched frame to the stop command', late),
-                             (f'N beyond a limit of {LIMIT:g} N', beyond)):
-            numbers = np.percentile(values, (50, 99)) if values else (np.nan, np.nan)
-            print(f'{1e3 * speed:.0f} mm/s: {name}: p50 {numbers[0]:.2f}, p99 {numbers[1]:.2f} ({len(values)})')
-        print(f'    goals that ended because pads were not seen: {again}', flush=True)
-
-
-def film(args: argparse.Namespace, link: Path) -> None:
-    """Record a grasp in real time, and then draw a film of the scene and of the pressures on both pads."""
-    import mujoco
-    from grasp_columns import grasped
-    from grasp_session import Session, WatchedWorld
-    from matplotlib import cm
-    from PIL import Image
-
-    from examples.simulated_gripper.picture import render
-    name, frames, over = args.items[0], [], threading.Event()
-    world = WatchedWorld(ITEMS[name])
-
-    def record() -> None:
-        while not over.wait(1 / FRAME_RATE):
-            with world.lock:
-                frames.append((world.data.qpos.copy(), [world.pressures(side) for side in SIDES]))
-    with Session(world, link) as session:
-        threading.Thread(target=record, name='film').start()
-        try:
-            print(grasped(session, 'shape', ITEMS[name], start_of(name, args.seed)))
-        finally:
-            over.set()
-    images = []
-    for place, (left, right) in frames:
-        world.data.qpos = place
-        mujoco.mj_forward(world.model, world.data)
-        felt = cm.inferno(np.clip(np.vstack((left, right[::-1])) / FILM_PRESSURE, 0, 1), bytes=True)[..., :3]
-        pads = Image.fromarray(felt).resize((180, 360), Image.NEAREST)
-        images.append(Image.new('RGB', (660, 360)))
-        images[-1].paste(Image.fromarray(render(world)).resize((480, 360)), (0, 0))
-        images[-1].paste(pads, (480, 0))
-    palette = images[-1].quantize(96)  # the last image contains the colours of pressed pads
-    images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
-    images[0].save(args.film, save_all=True, append_images=images[1:], duration=round(1e3 / FRAME_RATE), loop=0)
 
 
 if __name__ == '__main__':

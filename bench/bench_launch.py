@@ -34,8 +34,7 @@ OF_BUS = ('--interface', 'slcan', '--node-id', NODE_IDS, '--channel')
 #: Arguments of `tactile bringup` for each process of a form. The last process runs the driver.
 FORMS = {
     'one': [()],
-    'driver_apart': [('--side', 'perception'), ('--side', 'bus')],
-    'executables': []}  # one process per node, as started by `ros2 run`
+    'driver_apart': [('--side', 'perception'), ('--side', 'bus')]}
 ROWS = {'first_shapes': 'time from the start to a shape of both pads [s]',
         'start_cpu': 'CPU time of all processes until then [s]', 'pss': 'PSS of all processes [MB]',
         'largest': 'PSS of the largest process [MB]', 'cpu': 'CPU load of all processes [% of one core]',
@@ -113,9 +112,8 @@ def measured(form: str, seconds: float, rate: float, of_grasp: bool) -> dict[str
         begun = time.monotonic()
         period = ['--ros-args', '-p', f'skin_driver:sync_period:={1 / rate}']
         words = [[*BRINGUP, *each] for each in FORMS[form]]
-        if words:
-            words[-1] += [*OF_BUS, channel, *period]
-        processes = [started(each) for each in words] or executables(channel, rate)
+        words[-1] += [*OF_BUS, channel, *period]
+        processes = [started(each) for each in words]
         stack.callback(ended, processes)
         while len(consumer.pads) < len(PADS):
             consumer.spin(0.01)
@@ -204,8 +202,7 @@ class GraspConsumer(Consumer):
 
     def _on_grasp(self, message) -> None:
         self.pads |= {pad for pad, state in zip(PADS, message.side_states) if state}
-        sides = getattr(message, 'sides', ())  # Grasp messages of the old commit 23bca48 have ``sides``
-        left, right = (side.sequence for side in sides) if sides else message.sequences
+        left, right = message.sequences
         if left == right > self._last:
             self._last = left
             self.late['both'].append(lateness(message))
@@ -219,16 +216,6 @@ def lateness(message) -> float:
 def started(words: list[str], **options) -> subprocess.Popen:
     return subprocess.Popen([f'{sys.prefix}/bin/tactile', *words], start_new_session=True,
                             **{'stderr': subprocess.DEVNULL, 'stdout': subprocess.DEVNULL, **options})
-
-
-def executables(channel: str, rate: float) -> list[subprocess.Popen]:
-    """Start each node as a separate process."""
-    driver = ['-p', 'interface:=slcan', '-p', f'channel:={channel}', '-p', f'node_ids:=[{NODE_IDS}]', '-p',
-              f'pads:=[{",".join(PADS)}]', '-p', f'sync_period:={1 / rate}']
-    nodes = [(role, ['-r', f'__ns:=/{pad}']) for pad in PADS for role in ('processor', 'classifier')]
-    return [subprocess.Popen([sys.executable, '-m', f'tactile_node.nodes.{role}_node', '--ros-args', *words],
-                             start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            for role, words in (*nodes, ('grasp', []), ('driver', driver))]
 
 
 def ended(processes: list[subprocess.Popen]) -> None:

@@ -36,6 +36,7 @@ STILL = 0.6           #: Time at rest after a movement [s].
 BEFORE = 1.5          #: Time at rest before a movement [s].
 BEFORE_LIFT = 0.8     #: Time at rest before a lift [s].
 AFTER_LIFT = 0.6      #: Time at rest after a lift [s].
+BEGIN = 1e3           #: Stamp of the first frame [s].
 QUIET = {'dx': 0.0, 'dy': 0.0, 'turn': 0.0, 'force': 1.0, 'load': 0.0}
 
 CELL = 0.25           #: Cell of the surface of a layer [pitches].
@@ -82,11 +83,11 @@ class Lift(NamedTuple):
     begins: tuple[float, ...]   # times at which the ramps of the load and the slide begin [s]
 
 
-def random_skin(rng: np.random.Generator, stiffness: float | None = None) -> FingerSkin:
-    """Draw a skin. Without ``stiffness`` of the pitch joint [N m/rad], draw one of JOINTS."""
+def random_skin(rng: np.random.Generator) -> FingerSkin:
+    """Draw a skin, with one of JOINTS."""
     modulus, compressible = (float(np.exp(rng.uniform(*np.log(each)))) for each in (SHEAR_MODULUS, COMPRESSIBLE))
     layer = ElasticLayer(rng.uniform(*THICKNESS), modulus, 0.5 - compressible)
-    return FingerSkin(layer, PitchJoint(float(rng.choice(JOINTS)) if stiffness is None else stiffness))
+    return FingerSkin(layer, PitchJoint(float(rng.choice(JOINTS))))
 
 
 class Scene:
@@ -161,7 +162,7 @@ class Scene:
         """Return the frames while the contact moves along ``path``."""
         return followed(self.see(recogniser, path, seconds), shift_per_load)
 
-    def see(self, recogniser: VisibilityGuard, path: Path, seconds: float, stamp: float = 1e3) -> list[Sighting]:
+    def see(self, recogniser: VisibilityGuard, path: Path, seconds: float) -> list[Sighting]:
         """Return the measurements while the contact moves along ``path``."""
         pipeline = ContactPipeline(recogniser)
         taxels, frames = Taxels(PITCH, '1' if self._way == 'on/off' else 'Pa'), []
@@ -170,9 +171,9 @@ class Scene:
             values = self.values(time, **place)
             found = pipeline.find(values, taxels)
             if self._way == 'centre of pressure':  # no shape is needed
-                sight = Sight(stamp + time, found.pattern, found.visibility, found.moments, None, 0.0, PITCH, False)
+                sight = Sight(BEGIN + time, found.pattern, found.visibility, found.moments, None, 0.0, PITCH, False)
             else:
-                sight = sight_of(pipeline.recognise(found, stamp + time), stamp + time)
+                sight = sight_of(pipeline.recognise(found, BEGIN + time), BEGIN + time)
             frames.append(Sighting(time, place, sight))
         return frames
 

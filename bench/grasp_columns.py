@@ -82,7 +82,7 @@ def _hold(session: Session, item: Item) -> Record:
     return _touch(session, item)
 
 
-def closed(session: Session, effort: float = 0.0) -> list[str]:
+def closed(session: Session, effort: float) -> list[str]:
     """Close with the gripper node, and return the outcomes. After an outcome in UNSEEN, open and try again."""
     endings = [session.drive(0.0, effort=effort, touch=True)]
     while endings[-1] in UNSEEN and len(endings) < TRIES:

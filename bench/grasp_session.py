@@ -14,12 +14,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
 import rclpy
 from built_messages import environment_with
 from control_msgs.action import ParallelGripperCommand
 from planner_client import Correction, Planner, asked_for
-from planner_world import AIM, FULL_SCALE, NOISE
+from planner_world import AIM
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
@@ -46,12 +45,10 @@ LOOK = 0.005    #: Time between two checks of a condition [s].
 
 #: Longest wait for the end of a goal [s]. If an item rocks between the pads, the gripper's own action never ends.
 PATIENCE = 30.0
-#: Reading at which a pad counts as touched [Pa]. The nodes may find a contact even below the noise floor.
-FELT = 2 * NOISE * FULL_SCALE
 
 
 class WatchedWorld(World):
-    """Simulated world that records the peak forces, and the times of the first touch and of the stop command."""
+    """Simulated world that records the peak forces."""
 
     def __init__(self, *args: Any):
         self.watch()
@@ -60,17 +57,6 @@ class WatchedWorld(World):
     def watch(self) -> None:
         """Clear the record."""
         self.peaks = dict.fromkeys(SIDES, 0.0)  #: [N]
-        self.felt_at = self.stopped_at = np.nan  #: times on the steady clock [s]
-
-    def pressures(self, side: str) -> np.ndarray:
-        values = super().pressures(side)
-        if np.isnan(self.felt_at) and values.max() >= FELT:
-            self.felt_at = time.monotonic()
-        return values
-
-    def stop_gripper(self) -> None:
-        self.stopped_at = time.monotonic()
-        super().stop_gripper()
 
     def _observe(self) -> None:
         super()._observe()

@@ -13,7 +13,6 @@ from scipy.stats import chi2
 from bench.recognition import mechanics
 from bench.recognition.figures import rate_of
 from tactile_node import find_contact
-from tactile_node.learning.response import SkinResponse
 from tactile_node.pose.evidence import gather
 from tactile_node.pose.fit import ShapeFit, fit_shape
 from tactile_node.pose.outline_fit import OutlineFit
@@ -48,13 +47,6 @@ class Pressed(NamedTuple):
     truth: np.ndarray
 
 
-class PoseSkin(NamedTuple):
-    """A skin with the depth of its taxels [pitches] and a curve that converts pressure to a reading [full scale]."""
-
-    depth: float
-    curve: Callable[[np.ndarray], np.ndarray]
-
-
 class Row(NamedTuple):
     """Results of the fits for one kind of indenter and one contact size."""
 
@@ -85,19 +77,12 @@ def outlined(solution: Solution) -> Outlined:
     return Outlined(parameters, fit.handedness)
 
 
-def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area: float,
-            skin: PoseSkin | None = None) -> Pressed:
-    """Return a frame of ``solution`` with a contact of ``area`` taxels at a random pose and pressure.
-
-    Without ``skin``, the taxels have a random depth.
-    """
+def pressed(rng: np.random.Generator, solution: Solution, found: Outlined, area: float) -> Pressed:
+    """Return a frame of ``solution`` with a contact of ``area`` taxels at a random pose, depth and pressure."""
     shape, depth, pressure = Shape(solution.label), rng.uniform(*mechanics.DEPTH), rng.uniform(*mechanics.PRESSURE)
-    depth = skin.depth if skin else depth
     side, angle = mechanics.side_of(area) + 4, rng.uniform(0, 2 * np.pi)
     x, y = (side - 1) / 2 + rng.uniform(-0.5, 0.5, 2)
     stress = sample(stress_field(solution, area, depth), x, y, angle, side, side)
-    if skin:
-        stress, pressure = skin.curve(np.maximum(pressure * stress, 0)), 1.0
     values = measured(stress, pressure, rng, noise=mechanics.NOISE, dead=mechanics.DEAD)
     truth, first = found.parameters.copy(), 3 if OUTLINES[shape].symmetry else 2
     truth[:2] = (x, y) + mechanics.turned(found.parameters[None, :2], angle)[0] * np.sqrt(area)
@@ -131,15 +116,10 @@ def error_of(fit: ShapeFit, truth: np.ndarray) -> Error:
     return error_from(fit.parameters, fit.symmetry, truth, len(fit.dimensions))
 
 
-def measure(name: str, area: float, frames: list[Pressed], response: SkinResponse | None = None) -> Row:
-    """Fit all frames that contain a contact, with the ``response`` of a calibrated skin if there is one."""
-    if response:
-        linear = [response.curve(frame.values) for frame in frames]
-        frames = [frame._replace(values=values, mask=find_contact(values, unit=None).mask)
-                  for frame, values in zip(frames, linear)]
+def measure(name: str, area: float, frames: list[Pressed]) -> Row:
+    """Fit all frames that contain a contact."""
     frames = [frame for frame in frames if frame.mask.any()]
-    layer = response.layer if response else None
-    fits = [fit_shape(frame.values, frame.mask, frame.shape, layer=layer) for frame in frames]
+    fits = [fit_shape(frame.values, frame.mask, frame.shape) for frame in frames]
     errors = [error_of(fit, frame.truth) for fit, frame in zip(fits, frames)]
     signed = [100 * float(np.mean(error.vector[-len(fit.dimensions):] / frame.truth[-len(fit.dimensions):]))
               for fit, frame, error in zip(fits, frames, errors)]
@@ -148,12 +128,11 @@ def measure(name: str, area: float, frames: list[Pressed], response: SkinRespons
     return Row(name, area, errors, np.array(signed), np.array(inside), np.array([fit.residual for fit in fits]))
 
 
-def report(table: Callable[[str, list[str], list[list[str]]], None], count: int,
-           purpose: Purpose = Purpose.EVALUATION) -> None:
+def report(table: Callable[[str, list[str], list[list[str]]], None], count: int) -> None:
     """Fit ``count`` frames for each kind of indenter and contact size, and write the results as a table."""
     rows = []
     for number, (name, area) in enumerate((name, area) for name in (*mechanics.ROWS, CUT) for area in AREAS):
-        found = measure(name, area, draw(generator(purpose, SEED + number), name, area, count))
+        found = measure(name, area, draw(generator(Purpose.EVALUATION, SEED + number), name, area, count))
         rows.append(_cells(found))
         print(' | '.join(rows[-1]), flush=True)
     table('Contact mechanics',

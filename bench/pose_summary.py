@@ -1,7 +1,7 @@
 """The page with the results of pose and size, which shows the main columns of the recorded tables.
 
-The script bench_pose.py records its tables itself. The tables of bench_box.py and bench_calibration.py are copied from
-the output of these scripts.
+The script bench_pose.py records its tables itself. The tables of the calibrated skin and of the least rectangle were
+copied from the output of bench_calibration.py and bench_box.py at commit ecd333e6.
 """
 
 from bench.recognition.views import ResultPage, Row, View, across, columns, of
@@ -55,19 +55,20 @@ VIEWS = (
          '(half of the 16-84 % range) of the mean length / error of the centre / error of the angle / region. For flat '
          'punches, at most 3, 3, 0.03 and 0.5 are required. For all objects, regions of 92-98 % are required.',
          'Contact mechanics', ('object',), across('N', of('bias', 'spread', 'centre', 'angle', 'in the 95 % region'))),
-    View('A calibrated skin', 'In `python bench/bench_calibration.py`, punches of the five shapes press skins whose '
-         'response the fit does not know; 60 frames in each cell, evaluation seeds. The readings are proportional to '
-         'the pressure or to its power 0.6 or 1.3, or they saturate. The depth is in pitches. The columns are N. Each '
-         'cell shows the bias of the length, then the region, each without -> with `tactile calibrate`.',
+    View('A calibrated skin', 'We measured this table once, with `bench/bench_calibration.py` at commit ecd333e6. '
+         'Punches of the five shapes press skins whose response the fit does not know; 60 frames in each cell, '
+         'evaluation seeds. The readings are proportional to the pressure or to its power 0.6 or 1.3, or they '
+         'saturate. The depth is in pitches. The columns are N. Each cell shows the bias of the length, then the '
+         'region, each without -> with `tactile calibrate`.',
          'Calibrated skin', ('depth', 'readings'),
          across('N', lambda row: f'{row["bias before"]} -> {row["bias after"]}; '
                                  f'{row["inside before"]} -> {row["inside after"]}'), lambda row: row['N'] != '50'),
-    View('The least rectangle', 'This table is from `python bench/bench_box.py --contacts 40` with evaluation seeds. '
-         'Punches, balls, cylinders and cones are computed by contact mechanics under 1.2 pitches of skin, with 1 % '
-         'noise and 3 % dead taxels. The other objects press evenly, with a blur of 0.5 pitches, 1 % noise and 2 % '
-         'dead taxels. The columns are N. Each cell shows the bias of the long side / bias of the short side / error '
-         'of the angle / share of true values in the 95 % interval. The last number is the smallest of the shares for '
-         'long side, short side, centre and angle.',
+    View('The least rectangle', 'We measured this table once, with `bench/bench_box.py --contacts 40` at commit '
+         'ecd333e6, with evaluation seeds. Punches, balls, cylinders and cones are computed by contact mechanics under '
+         '1.2 pitches of skin, with 1 % noise and 3 % dead taxels. The other objects press evenly, with a blur of 0.5 '
+         'pitches, 1 % noise and 2 % dead taxels. The columns are N. Each cell shows the bias of the long side / bias '
+         'of the short side / error of the angle / share of true values in the 95 % interval. The last number is the '
+         'smallest of the shares for long side, short side, centre and angle.',
          'Least rectangle', ('object',), across('N', _box), lambda row: row['N'] in ('12', '100')),
     View('Time of one fit', 'The table shows the processor time on one core [ms].', 'Time of one fit', ('frames',),
          lambda rows: {shape: _median(rows[0], shape) for shape in rows[0] if shape != 'frames'},

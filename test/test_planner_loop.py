@@ -3,20 +3,45 @@
 The loop either ends with opposing contacts, or does not squeeze the object.
 """
 
+from dataclasses import replace
+from math import nan, pi, radians, remainder
+from typing import NamedTuple
 
-import bench_planner
 import numpy as np
 import planner_client
 import planner_world
 import pytest
-from grasp_loop import MOVES, SETTLE, GraspLoop, Reason
-from planner_chain import PlannerChain
-from planner_client import Correction
-from planner_world import AIM, FORCE, PITCH, STIFFNESS, Placed, Thing, close, noisy
+from grasp_loop import MOVES, PATIENCE, SETTLE, GraspLoop, Reason
+from planner_chain import DELAY, PlannerChain
+from planner_client import MAX_ANGLE, MAX_MISALIGNMENT, MAX_OFFSET, Correction, Planner, asked_for
+from planner_world import (
+    AIM,
+    FORCE,
+    PITCH,
+    STIFFNESS,
+    Closed,
+    Placed,
+    Thing,
+    close,
+    noisy,
+    random_place,
+    random_thing,
+)
 from scipy.spatial.transform import Rotation
 
 from tactile_node.simulator.world import Contact
 
+SEED = 4000  # seed of the first start; each further start adds 1
+KINDS = ('circle', 'square', 'rectangle', 'right_triangle', 'isosceles_triangle', 'ball')
+BEGIN = 100.0  # time of the first frame [s]
+PERIOD = 0.08  # time between two frames [s]
+OPEN_TIME = 0.24  # time with an open gripper [s]
+
+# Standard deviations of the random errors of a move
+GAIN = 0.05
+SHIFT_ERROR = 0.0003  # [m]
+TURN_ERROR = radians(0.5)
+TOLERANCE = 1.25  # factor applied to the planner's limits, because the planner's measurements contain errors
 
 def loop(closed=0.0, **options):
     found = GraspLoop(**options)
@@ -131,12 +156,103 @@ def test_oblique_faces_that_the_edge_of_a_pad_cuts_are_not_tilted(monkeypatch):
         assert advice(monkeypatch, thing, (0.0, 0.15, 0.0), 5.0, shift=shift)[0].action in ('wait', 'shift')
 
 
+class Run(NamedTuple):
+    """Result of one start."""
+
+    is_done: bool
+    reason: Reason
+    before: Placed
+    after: Placed
+
+    @property
+    def is_right(self) -> bool:
+        """True if the loop ended with "done" and the contacts really oppose each other at the planned place."""
+        return self.is_done and opposes(self.after)
+
+
+def opposes(placed: Placed) -> bool:
+    truth = placed.truth
+    return (truth.offset <= TOLERANCE * MAX_OFFSET and truth.misalignment <= TOLERANCE * MAX_MISALIGNMENT
+            and truth.off_aim <= TOLERANCE * MAX_OFFSET and off_edge(placed) <= TOLERANCE * MAX_ANGLE)
+
+
+def off_edge(placed: Placed) -> float:
+    """Return the smallest angle between an edge of the object and an axis of the pad [rad], or 0 for round objects."""
+    if placed.thing.face.shape == 'circle':
+        return 0.0
+    corners = placed.thing.face.outline()
+    edges = placed.turn.apply(np.column_stack((np.roll(corners, -1, 0) - corners, np.zeros(len(corners)))))
+    return min(abs(remainder(float(np.arctan2(y, x)), pi / 2)) for x, y, _ in edges)
+
+
+class Simulation:
+    """Simulates one start, with a ``fault`` or none, and with the ``patience`` of the grasp loop [s]."""
+
+    def __init__(self, seed: int, kind: str, fault: str = '', patience: float = PATIENCE):
+        self._random, self._fault = np.random.default_rng(seed), fault
+        self._placed = random_place(self._random, random_thing(self._random, kind))
+        if fault in ('misses a pad', 'nothing there'):
+            self._placed = replace(self._placed, ends=(fault == 'misses a pad', False))
+        self._chain, self._planner, self._loop = PlannerChain(), Planner(), GraspLoop(patience)
+        self._now = BEGIN
+
+    def run(self) -> Run:
+        before = self._placed
+        self._send_open()
+        while True:
+            closed = close(self._placed)
+            self._placed = closed.placed
+            order, middle = self._settled(closed)
+            if order.kind != 'move':
+                return Run(order.kind == 'done', order.reason, before, self._placed)
+            self._placed = self._moved(order.correction, middle)
+            self._send_open()
+
+    def _settled(self, closed: Closed):
+        """Send frames while the loop waits, and return the loop's next command and the midpoint of the grasp."""
+        self._loop.closed(self._now)
+        while True:
+            grasp = self._sent(closed.values, closed.gap)
+            order = self._loop.next(self._planner.decide(self._now), self._now)
+            if order.kind != 'wait':
+                return order, np.array((grasp.midpoint.x, grasp.midpoint.y, grasp.midpoint.z))
+
+    def _send_open(self) -> None:
+        """Send frames of an open gripper, which contain only the noise of the pads."""
+        for _ in range(round(OPEN_TIME / PERIOD)):
+            self._sent((np.zeros((16, 16)),) * 2, 0.08)
+
+    def _sent(self, values, gap: float):
+        self._now += PERIOD
+        frames = {side: noisy(each, self._random) for side, each in zip(('left', 'right'), values)}
+        if self._fault == 'a pad is silent':
+            del frames['right']
+        if self._fault == 'half a pad is hidden':
+            frames['right'][8:] = nan
+        grasp = self._chain.grasp(frames, gap, self._now)
+        age = grasp.age.sec + grasp.age.nanosec * 1e-9
+        self._planner.receive(asked_for(grasp, AIM), self._now, age + DELAY)
+        return grasp
+
+    def _moved(self, correction, middle: np.ndarray) -> Placed:
+        """Return the object's place after a move with random gripper errors. A regrasp moves only by these errors."""
+        gain = 1 + GAIN * self._random.standard_normal()
+        shift = gain * np.array(correction.shift) + SHIFT_ERROR * self._random.standard_normal(2)
+        turn = gain * (np.array(correction.tilt) + (0.0, 0.0, correction.angle))
+        about = middle if np.isfinite(middle).all() else np.array((*AIM, 0.0))
+        return self._placed.moved(shift, about,
+                                  Rotation.from_rotvec(turn + TURN_ERROR * self._random.standard_normal(3)))
+
+
+def runs(count: int) -> list[Run]:
+    return [Simulation(SEED + number, KINDS[number % len(KINDS)]).run() for number in range(count)]
+
+
 @pytest.mark.slow
 @pytest.mark.ros
 def test_from_random_starts_the_contacts_come_to_oppose():
-    """`bench/bench_planner.py` runs 50 of these random starts."""
-    found = bench_planner.runs(2)
-    assert not any(bench_planner.opposes(run.before) for run in found)
+    found = runs(2)
+    assert not any(opposes(run.before) for run in found)
     assert [run.is_right for run in found] == [True] * len(found)
 
 
@@ -146,7 +262,7 @@ def test_from_random_starts_the_contacts_come_to_oppose():
     ('misses a pad', Reason.NO_DECISION), ('nothing there', Reason.EMPTY), ('a pad is silent', Reason.NOT_SEEN),
     pytest.param('half a pad is hidden', Reason.NO_DECISION, marks=pytest.mark.long)])
 def test_the_loop_gives_up_without_a_squeeze_if_no_move_helps(fault, reason):
-    run = bench_planner.Simulation(bench_planner.SEED + 500, 'circle', fault, patience=1.5).run()
+    run = Simulation(SEED + 500, 'circle', fault, patience=1.5).run()
     assert not run.is_done and run.reason is reason
 
 
@@ -155,5 +271,5 @@ def test_the_loop_gives_up_without_a_squeeze_if_no_move_helps(fault, reason):
 def test_the_loop_is_never_done_with_wrong_advice(monkeypatch):
     """If the loop succeeded with wrong advice, the tests above could not fail."""
     monkeypatch.setattr(planner_client, 'opposing', lambda line, left: (0.0, -line.misalignment, 0.0))
-    run, = bench_planner.runs(1)
+    run, = runs(1)
     assert not run.is_done

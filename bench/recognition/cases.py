@@ -21,7 +21,7 @@ from tactile_node.skin.pads import PadSettings
 from tactile_node.sources.log_source import LogSource
 from training.field import NOMINAL_ON_OFF, NOMINAL_PRESSURE, Conditions, field_frame
 from training.ground_truth.seeds import Purpose, generator
-from training.samples import LABELS, LEVEL_STEPS, UNKNOWN, Samples
+from training.samples import LABELS, LEVEL_STEPS, Samples
 
 DATA = Path(__file__).resolve().parents[2] / 'test/data'
 BY_HAND, FRAME_LABELS = Path(__file__).parent / 'labels', ('object', 'not', 'unclear')
@@ -72,15 +72,13 @@ class Case(NamedTuple):
         return self.samples.labels
 
 
-def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, purpose=Purpose.EVALUATION,
-              kinds=CLASSES) -> Case:
-    """Draw ``count`` patterns, cycling through ``kinds``. A contact that presses no taxel counts as not recognised."""
+def make_case(seed: int, condition: str, on_off: bool, area: float, count: int, purpose: Purpose) -> Case:
+    """Draw ``count`` patterns, cycling through CLASSES. A contact that presses no taxel counts as not recognised."""
     rng, nominal = seeded(seed, purpose), NOMINAL_ON_OFF if on_off else NOMINAL_PRESSURE
     conditions = replace(nominal, **FIELD.get(condition, {}))
-    patterns = [extracted(field_frame(rng, kinds[k % len(kinds)], area, conditions), conditions)
-                for k in range(count)]
-    labels = np.array([LABELS.index(kinds[k % len(kinds)]) if kinds[k % len(kinds)] in LABELS else UNKNOWN
-                       for k in range(count)])
+    shapes = [CLASSES[k % len(CLASSES)] for k in range(count)]
+    patterns = [extracted(field_frame(rng, shape, area, conditions), conditions) for shape in shapes]
+    labels = np.array([LABELS.index(shape) for shape in shapes])
     return Case(condition=condition, on_off=on_off, area=area, patterns=patterns,
                 samples=patches(patterns, labels, bool(conditions.second)))
 
@@ -112,19 +110,17 @@ def patches(patterns: list[ContactPattern], labels: np.ndarray, largest: bool = 
     return Samples(levels, unseen, numbers, labels)
 
 
-def clean_cases(areas, count: int, purpose=Purpose.EVALUATION) -> Iterator[Case]:
+def clean_cases(areas: tuple[int, ...], count: int, purpose: Purpose) -> Iterator[Case]:
     for on_off in (True, False):
         for area in areas:
-            yield make_case(1000 * on_off + int(area), CLEAN, on_off, area, count=count,
-                            purpose=purpose)
+            yield make_case(1000 * on_off + area, CLEAN, on_off, area, count, purpose)
 
 
-def field_cases(areas, count: int, purpose=Purpose.EVALUATION) -> Iterator[Case]:
+def field_cases(areas: tuple[int, ...], count: int, purpose: Purpose) -> Iterator[Case]:
     for number, condition in enumerate(FIELD):
         for on_off in (True, False):
             for area in areas:
-                yield make_case(10_000 * (number + 1) + 1000 * on_off + int(area), condition, on_off, area, count=count,
-                                purpose=purpose)
+                yield make_case(10_000 * (number + 1) + 1000 * on_off + area, condition, on_off, area, count, purpose)
 
 
 def mechanics_cases(count: int, purpose: Purpose) -> Iterator[Case]:

@@ -15,6 +15,7 @@ from training.samples import UNKNOWN, Samples
 
 ORDER = (*OUTPUTS, Shape.NONE)
 OURS = 'ours'
+LOSS = 0.02  #: Share of the known patterns that the score limit rejects.
 
 
 class Anchor(Protocol):
@@ -75,8 +76,8 @@ def foreign_score(result: Result, name: str) -> np.ndarray:
     return answers[:, UNKNOWN] + answers[:, UNKNOWN + 1:].sum(1) if name == OURS else 1 - answers.max(1)
 
 
-def rejection_at_loss(known: list[Result], outliers: list[Result], name: str, loss: float = 0.02) -> PercentRate:
-    """Return the rate of ``outliers`` rejected at the score limit that also rejects a share ``loss`` of ``known``."""
-    limit = np.quantile(np.concatenate([foreign_score(result, name) for result in known]), 1 - loss)
+def rejection_at_loss(known: list[Result], outliers: list[Result], name: str) -> PercentRate:
+    """Return the rate of ``outliers`` rejected at the score limit that also rejects a share LOSS of ``known``."""
+    limit = np.quantile(np.concatenate([foreign_score(result, name) for result in known]), 1 - LOSS)
     scores = np.concatenate([foreign_score(result, name) for result in outliers])
     return PercentRate(int((scores > limit).sum()), len(scores))

@@ -1,7 +1,8 @@
 """Pages with the results of recognition, which show the main columns of the recorded tables.
 
-The script bench_recognition.py records its tables itself. The tables of bench_hidden.py, bench_real_arrays.py and
-bench_teach.py are copied from the output of these scripts.
+The script bench_recognition.py records its tables itself. The table of bench_real_arrays.py is copied from the output
+of this script, and so were the tables of bench_hidden.py and bench_teach.py at commit ecd333e6. The table of several
+contacts was recorded at that commit too.
 """
 
 from bench.recognition.views import ResultPage, Row, View, across, columns, names, of
@@ -61,9 +62,9 @@ FAULTS = (
          'and shows the share recognised / with a name at a confidence of 0.9 or more. In the last row, the zero and '
          'the gain of each taxel are known, the gains with an error of 10 %.', 'Skins with a halo', ('frames read',),
          across('beside', of('recognised, %', 'sure, %'))),
-    View('Hidden taxels', 'Contacts of 12-100 taxels lie in general position. Each TPDO carries 8 taxels of a row '
-         '(`python bench/bench_hidden.py`, 600 contacts in each cell). Each cell shows the share of right answers / of '
-         'answers with another shape at a confidence above 0.9, for the recogniser as shipped.',
+    View('Hidden taxels', 'Contacts of 12-100 taxels lie in general position, 600 in each cell. Each TPDO carries 8 '
+         'taxels of a row. Each cell shows the share of right answers / of answers with another shape at a confidence '
+         'above 0.9, for the recogniser as shipped.',
          'Hidden taxels', ('hidden',),
          across('frames', of('right, with readings, %', 'wrong and sure, with readings, %'))),
     View('Missing TPDOs', 'Contacts of 40-100 taxels press a 16x16 pad with 32 TPDOs, 500 contacts in each cell. Ten '
@@ -102,14 +103,14 @@ OTHERS = (
          '{patterns} contacts. The columns are areas. Each cell shows the share that our method recognises, on/off / '
          'pressures. From 100 taxels on, 90 % are required.', 'Known shapes with a blemish', ('blemish',),
          across('area', of('ours'))),
-    View('Taught shapes', 'In `python bench/bench_teach.py`, one shape at a time is taught from 30 touches of about 50 '
-         'taxels on 16x16 taxels. Touches come from one of two worlds. The generator (*flat*) draws blurred coverage '
-         'with a tilt and 1 % noise. Contact mechanics (*mechanics*) computes a punch in an elastic layer. Each column '
-         'is the world in which the shape was taught. The test has 400 fresh touches of the generator or 120 of '
-         'contact mechanics, one frame each. Each cell shows three rates. The first is the share of touches recognised '
-         'in the same world, the second in the other world. The third is the share of 600 foreign figures that are '
-         'reported as a shape; without a taught shape, this share is 8.9-10.0. The foreign figures do not include '
-         'families of the taught shape. *Refused* means that `tactile teach` does not write the file.',
+    View('Taught shapes', 'One shape at a time was taught from 30 touches of about 50 taxels on 16x16 taxels. '
+         'Touches come from one of two worlds. The generator (*flat*) draws blurred coverage with a tilt and 1 % '
+         'noise. Contact mechanics (*mechanics*) computes a punch in an elastic layer. Each column is the world in '
+         'which the shape was taught. The test has 400 fresh touches of the generator or 120 of contact mechanics, '
+         'one frame each. Each cell shows three rates. The first is the share of touches recognised in the same '
+         'world, the second in the other world. The third is the share of 600 foreign figures that are reported as a '
+         'shape; without a taught shape, this share is 8.9-10.0. The foreign figures do not include families of the '
+         'taught shape. *Refused* means that `tactile teach` does not write the file.',
          'Taught shapes', ('shape',), across('taught in', _taught)))
 PAGES = (
     ResultPage('bench/bench_recognition.py --page', 'recognition_results.md', FOLDER, 'The five shapes, as measured',

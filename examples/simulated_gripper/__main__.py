@@ -15,10 +15,14 @@ import argparse
 import gc
 import sys
 import threading
-from pathlib import Path
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
 
 from examples.simulated_gripper.console import HELP, obey
+from examples.simulated_gripper.hand_interface import HAS_TF, TARGET
 from examples.simulated_gripper.items import ITEMS, item_of
+from examples.simulated_gripper.session import HAS_ACTION, Bench
 from examples.simulated_gripper.world import AIM, World, random_place
 from tactile_node.errors import TactileError
 from tactile_node.interruption import ignore_interruptions, interruption
@@ -32,28 +36,15 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--item', default='square', help=f'item to grasp: {", ".join(ITEMS)} (default: %(default)s)')
     parser.add_argument('--seed', type=int, help="seed of the item's displacement (default: no displacement)")
     parser.add_argument('--link', default='', metavar='PATH', help="symbolic link to the skin's adapter")
-    parser.add_argument('--picture', type=Path, metavar='FILE', help='only draw a picture of a grasp to this file')
     args = parser.parse_args(argv)
     try:
-        world = World(item_of(args.item), AIM if args.seed is None else random_place(args.seed))
-        if args.picture is None:
-            return _serve(world, args)
-        from examples.simulated_gripper.picture import draw_grasp
-
-        draw_grasp(world, args.picture)
-        return 0
+        return _serve(World(item_of(args.item), AIM if args.seed is None else random_place(args.seed)), args)
     except TactileError as error:
         print(f'simulated_gripper: error: {error}', file=sys.stderr)
         return 2
 
 
 def _serve(world: World, args: argparse.Namespace) -> int:
-    import rclpy  # a late import, because a picture needs no ROS
-    from rclpy.signals import SignalHandlerOptions
-
-    from examples.simulated_gripper.hand_interface import HAS_TF, TARGET
-    from examples.simulated_gripper.session import HAS_ACTION, Bench
-
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     with interruption() as stop_requested, Bench(world, args.link, args.seed or 0) as bench:
         print(f'Simulated gripper with {args.item}, skin at {bench.port}, joint states at /joint_states, '

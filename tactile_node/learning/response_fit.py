@@ -1,9 +1,9 @@
 """Find the response of a skin with which fits of a known disc return the disc's true size.
 
 If the readings do not grow in proportion to the pressure, the edge of a contact appears in the wrong place, and the
-fitted lengths show this error (`bench/bench_calibration.py`). The curve has a local exponent: for each unit of log
-reading, log pressure rises by ``exponent`` + ``bend`` log(reading / middle). The depth of the taxels follows from the
-fits under this curve.
+fitted lengths show this error (docs/pose_results.md). The curve has a local exponent: for each unit of log reading, log
+pressure rises by ``exponent`` + ``bend`` log(reading / middle). The depth of the taxels follows from the fits under
+this curve.
 """
 
 from collections.abc import Callable, Sequence
@@ -42,7 +42,8 @@ LARGEST_ERROR = 0.03
 BOUND_MARGIN = 0.02         #: An exponent closer to its bound than this is not a valid result.
 
 #: Relative error by which a fit overestimates a flat disc with sharp edges, and the change of this error per unit of
-#: edge radius / inscribed radius. Fits are correct on average, but edges differ (bench/bench_calibration.py --edges).
+#: edge radius / inscribed radius. Fits are correct on average, but edges differ (bench/bench_calibration.py --edges
+#: at commit ecd333e6).
 SHARP_ERROR, OF_ROUNDING = 0.019, -0.125
 
 

@@ -41,7 +41,8 @@ BOX_COSINES = np.cos(BOX_ANGLES)
 BOX_SINES = np.sin(BOX_ANGLES)
 QUARTER_TURN = np.pi / 2
 # In each pair, the first standard deviation is for pressures and the second is for on/off or saturated taxels. The
-# standard deviations were measured on contacts simulated with the training seeds (bench/bench_box.py).
+# standard deviations were measured on contacts simulated with the training seeds (bench/bench_box.py at commit
+# ecd333e6).
 LENGTH_SD = (0.7, 0.45)  #: Standard deviation of a side length at a given angle [pitches].
 CENTRE_SD = (0.2, 0.2)   #: Standard deviation of the centre at a given angle [pitches].
 SIDE_SD = (0.2, 0.3)     #: Standard deviation of the change in side length between two angles [pitches].
