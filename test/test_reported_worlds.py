@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from bench.recognition import blemish, foreign, halo_skins, nothing
+from bench.recognition import blemish, foreign, halo_skins, nothing, several
 from bench.recognition.figures import PercentRate
 from tactile_node.contact.neighbours import grown
 from tactile_node.shape.recognition import Shape
@@ -60,4 +60,5 @@ def test_the_taxels_next_to_a_contact_read_the_stated_share(beside, monkeypatch)
 
 def test_tables_say_how_many_were_counted():
     seen = nothing.DisturbanceResult('drift', PercentRate(1, 50), {Shape.CIRCLE: 1}, 0.1, PercentRate(0, 1))
-    assert nothing.table([seen]).rows[0][:2] == ['drift', '50']
+    punches = several.Several(2, 25, 4.0, *3 * [PercentRate(9, 10)])
+    assert nothing.table([seen]).rows[0][:2] == ['drift', '50'] and several.table([punches]).rows[0][3] == '10'

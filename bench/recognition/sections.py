@@ -6,7 +6,7 @@ Each section can run alone.
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
-from bench.recognition import familiar, halo_skins, held, nothing, tables
+from bench.recognition import familiar, halo_skins, held, nothing, several, tables
 from bench.recognition.cases import Case, clean_cases, field_cases, mechanics_cases, seeded
 from bench.recognition.contest import OURS, Contest, Result
 from bench.recognition.idle import IDLE
@@ -26,15 +26,15 @@ class Amount(NamedTuple):
     clean: int      #: number of patterns in a clean case
     field: int
     mechanics: int
-    skins: int      #: number of skins with each halo
+    pads: int       #: number of pads of each kind with several contacts, and of skins with each halo
     figures: int    #: number of figures per family of foreign shapes; each blemished shape gets a quarter of them
     pressed: int    #: number of frames for each family and size
     sequences: int  #: number of idle sequences of each kind
 
 
-FULL = Amount(share=0.3, epochs=4, clean=3000, field=400, mechanics=2000, skins=100, figures=100, pressed=400,
+FULL = Amount(share=0.3, epochs=4, clean=3000, field=400, mechanics=2000, pads=100, figures=100, pressed=400,
               sequences=nothing.ENOUGH)
-QUICK = Amount(share=0.07, epochs=2, clean=300, field=60, mechanics=100, skins=20, figures=12, pressed=60,
+QUICK = Amount(share=0.07, epochs=2, clean=300, field=60, mechanics=100, pads=20, figures=12, pressed=60,
                sequences=20)
 
 
@@ -73,9 +73,17 @@ def mechanics(run: Run) -> list[Table]:
                          'recognised without options [%]', results)]
 
 
+def several_contacts(run: Run) -> list[Table]:
+    found = []
+    for one in several.cases(run.recogniser, run.amount.pads, run.purpose):
+        found.append(one)
+        run.clock(f'several contacts: {one.number} of {one.area} taxels, {one.gap:g} between: {one.together} %')
+    return [several.table(found)]
+
+
 def halo(run: Run) -> list[Table]:
     found = []
-    for one in halo_skins.measured(run.recogniser, run.amount.skins, run.purpose):
+    for one in halo_skins.measured(run.recogniser, run.amount.pads, run.purpose):
         found.append(one)
         run.clock(f'halo: {100 * one.beside:g} % beside, {one.read}: {one.right} %')
     return [halo_skins.table(found)]
@@ -128,5 +136,5 @@ def recordings(run: Run) -> list[Table]:
 
 SECTIONS: dict[str, Callable[[Run], list[Table]]] = {
     'clean': clean, 'mechanics': mechanics, 'recordings': recordings, 'nothing': idle, 'foreign': foreign,
-    'blemish': blemish, 'halo': halo, 'held': held_contacts, 'field': field}
-WITHOUT_ANCHORS = frozenset({'nothing', 'halo', 'held'})
+    'blemish': blemish, 'several': several_contacts, 'halo': halo, 'held': held_contacts, 'field': field}
+WITHOUT_ANCHORS = frozenset({'nothing', 'several', 'halo', 'held'})

@@ -1,8 +1,7 @@
 """Pages with the results of recognition, which show the main columns of the recorded tables.
 
 The script bench_recognition.py records its tables itself. The table of bench_real_arrays.py is copied from the output
-of this script, and so were the tables of bench_hidden.py and bench_teach.py at commit ecd333e6. The table of several
-contacts was recorded at that commit too.
+of this script, and so were the tables of bench_hidden.py and bench_teach.py at commit ecd333e6.
 """
 
 from bench.recognition.views import ResultPage, Row, View, across, columns, names, of
