@@ -1,9 +1,10 @@
 """Measure the accuracy and cost of pose, size, and covariance.
 
-Run from the checkout: python bench/bench_pose.py [--patterns 200]
+Run from the checkout: python bench/bench_pose.py [--patterns 200] [--calibrate]
 
 The script writes docs/pose_results.md and the tables for this page, measured with evaluation seeds. With --page, the
-script measures nothing and rewrites the page from the recorded tables.
+script measures nothing and rewrites the page from the recorded tables. With --calibrate, the script only prints
+corrections to the factors in tactile_node/pose/model_error.py, measured with training seeds.
 """
 
 import argparse
@@ -66,8 +67,8 @@ class PoseReport:
 class Fitted:
     """All fits of one shape under one condition."""
 
-    def __init__(self, shape: str, condition: str, area: float, count: int):
-        rng = generator(Purpose.EVALUATION, SEED * 1000 + list(CONDITIONS).index(condition) * 100
+    def __init__(self, shape: str, condition: str, area: float, count: int, purpose: Purpose):
+        rng = generator(purpose, SEED * 1000 + list(CONDITIONS).index(condition) * 100
                         + CLASSES.index(shape) * 10 + AREAS.index(area))
         self.shape = shape
         self.samples = [draw(rng, shape, area, CONDITIONS[condition]) for _ in range(count)]
@@ -126,7 +127,7 @@ def by_area(report: PoseReport, count: int) -> None:
     rows = []
     for condition in ('clean', 'all four', 'on/off'):
         for area in AREAS:
-            of = [Fitted(shape, condition, area, count) for shape in CLASSES]
+            of = [Fitted(shape, condition, area, count, purpose=Purpose.EVALUATION) for shape in CLASSES]
             inside = np.concatenate([one.distances() < 1 for one in of])
             rows.append([condition, str(area), _medians([each for one in of for each in one.errors]),
                          str(rate_of(inside))])
@@ -176,16 +177,30 @@ def times(report: PoseReport, fitted: dict) -> None:
     report.table('Time of one fit', ['frames', *CLASSES], rows)
 
 
+def calibrate(count: int) -> None:
+    """Print the factor by which to multiply the covariance of each kind of fit, measured with training seeds."""
+    for shape in CLASSES:
+        for name, chosen in (('pressure', [c for c in CONDITIONS if c != 'on/off']), ('on/off', ['on/off'])):
+            shares = np.concatenate([Fitted(shape, condition, area, count * (6 if name == 'on/off' else 1),
+                                            purpose=Purpose.TRAINING).distances()
+                                     for condition in chosen for area in (20, 35, 50, 100)])
+            print(f'{shape:20}{name:10}{len(shares):6} fits: current factor of the covariance, times '
+                  f'{np.percentile(shares, 95):.3f}', flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--patterns', type=int, default=200, help='contacts per shape and condition, default 200')
+    parser.add_argument('--calibrate', action='store_true')
     parser.add_argument('--page', action='store_true', help='only write the page from the recorded tables')
     parser.add_argument('--output', type=Path, default=ROOT / 'docs')
     args = parser.parse_args()
     if args.page:
         return pose_summary.PAGE.write(args.output)
+    if args.calibrate:
+        return calibrate(args.patterns)
     report = PoseReport(args.output / pose_summary.FOLDER)
-    fitted = {(condition, shape): Fitted(shape, condition, AREA, args.patterns)
+    fitted = {(condition, shape): Fitted(shape, condition, AREA, args.patterns, purpose=Purpose.EVALUATION)
               for condition in CONDITIONS for shape in CLASSES}
     for part in (accuracy, regions, corners, times):
         part(report, fitted)

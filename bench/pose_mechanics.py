@@ -128,11 +128,12 @@ def measure(name: str, area: float, frames: list[Pressed]) -> Row:
     return Row(name, area, errors, np.array(signed), np.array(inside), np.array([fit.residual for fit in fits]))
 
 
-def report(table: Callable[[str, list[str], list[list[str]]], None], count: int) -> None:
+def report(table: Callable[[str, list[str], list[list[str]]], None], count: int,
+           purpose: Purpose = Purpose.EVALUATION) -> None:
     """Fit ``count`` frames for each kind of indenter and contact size, and write the results as a table."""
     rows = []
     for number, (name, area) in enumerate((name, area) for name in (*mechanics.ROWS, CUT) for area in AREAS):
-        found = measure(name, area, draw(generator(Purpose.EVALUATION, SEED + number), name, area, count))
+        found = measure(name, area, draw(generator(purpose, SEED + number), name, area, count))
         rows.append(_cells(found))
         print(' | '.join(rows[-1]), flush=True)
     table('Contact mechanics',

@@ -2,9 +2,9 @@
 
 The models have systematic errors because corners carry less load and because the rounding of edges is unknown.
 
-The errors were measured on contacts simulated with the training seeds (bench/pose_calibration.py at commit ecd333e6).
-The tables use the shape's own frame, with the position in inscribed radii, the angle in radians and the dimensions as
-relative errors. Under an even pressure, no error is subtracted.
+The errors were measured on contacts simulated with the training seeds (bench/pose_calibration.py). The tables use the
+shape's own frame, with the position in inscribed radii, the angle in radians and the dimensions as relative errors.
+Under an even pressure, no error is subtracted.
 """
 
 from typing import NamedTuple
@@ -181,10 +181,10 @@ class NoiseScale(NamedTuple):
     at_edge: float   #: additional factor for pressures at the pad's edge, because the part beyond the edge is a guess
 
 
-#: The factors were measured with `bench/bench_pose.py --calibrate --patterns 50` at commit ecd333e6 on the training
-#: seeds, with 1200 fits per factor. The rim noise was chosen so that clean and noisy frames need nearly the same
-#: factor. The factors for the pad's edge were measured on punches simulated with the training seeds, with up to a third
-#: of the punch beyond the edge (bench/pose_mechanics.py).
+#: The factors were measured with `bench/bench_pose.py --calibrate --patterns 50` on the training seeds, with 1200 fits
+#: per factor. The rim noise was chosen so that clean and noisy frames need nearly the same factor. The factors for the
+#: pad's edge were measured on punches simulated with the training seeds, with up to a third of the punch beyond the
+#: edge (bench/pose_mechanics.py).
 NOISE_SCALES = {
     Shape.CIRCLE: NoiseScale(0.018, 1.00, 0.25, 1.5),
     Shape.SQUARE: NoiseScale(0.020, 1.01, 0.49, 1.5),
