@@ -265,7 +265,6 @@ class Supervisor:
             node.monitor.expect(time.monotonic())
 
     def _deliver_trusted(self, name: str, frame: TaxelFrame) -> None:
-        frame = frame._replace(acquired=self._bus.queue.clock.acquired(frame.stamp))
         for node in self._by_pad[name]:
             frame = node.monitor.trust.only_trusted(frame)
         self._on_frame(name, frame)
