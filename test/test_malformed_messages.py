@@ -48,7 +48,7 @@ from tactile_node.ros.contact_messages import (
     taxel_values,
 )
 from tactile_node.ros.grasp_checks import check_grasp
-from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.grasp_messages import CurrentGrasp, grasp_message, side_result
 from tactile_node.ros.message_checks import (
     RejectReason,
     check_contact,
@@ -128,7 +128,7 @@ def good_grasp(sequence=0) -> Grasp:
     tracker.update('left', side_result(side, 5.0), now=5.0)
     tracker.update('right', side_result(side, 5.0), now=5.0)
     state = tracker.state(5.0, opening.gap)
-    return grasp_message(state, [side, side], opening, 'gripper', ages=(0.02, 0.01), gripper=Gripper())
+    return grasp_message(CurrentGrasp(state, [side, side], opening, 'gripper', ages=(0.02, 0.01), gripper=Gripper()))
 
 
 def labels(*numbers):
