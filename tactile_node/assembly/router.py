@@ -132,7 +132,7 @@ class Router:
         """
         if self._free_bus.nothing_pending(stamp if after is None else after):
             for each in self._assemblers.values():
-                each.settle()
+                each.bus_was_free()
         owner = self._owners.get(can_id)
         if owner is None:
             self._free_bus.saw_frame(stamp)

@@ -35,8 +35,8 @@ assembler drops every TPDO that may answer another SYNC:
 
  4. TPDOs that are still held at the next SYNC are lost (LATE), because nothing shows which SYNC they answer. There is
     one exception. If the bus was free before the run, no answer to an earlier SYNC can arrive (``FreeBus``,
-    ``settle``), and the run answers the last SYNC. If a second run arrives in the same period, an adapter has held
-    frames back, and this conclusion was wrong.
+    ``bus_was_free``), and the run answers the last SYNC. If a second run arrives in the same period, an adapter has
+    held frames back, and this conclusion was wrong.
 
  5. If a node in step begins a second run in one period and repeats a rank, a SYNC was lost. All TPDOs of the pad are
     then LATE until the next SYNC. If the node repeats no rank, the order of its TPDOs was changed. The TPDOs of the pad
@@ -178,9 +178,9 @@ class SyncAssembler(PadAssembler):
         if node_id in self._nodes:
             self._nodes[node_id].started()
 
-    def settle(self) -> None:
+    def bus_was_free(self) -> None:
         for node in self._nodes.values():
-            node.settle()
+            node.bus_was_free()
 
     def sync(self, stamp: float, late: float = 0.0) -> TaxelFrames:
         """End the period and begin the next one. Return the frames whose missing TPDOs can no longer arrive.
@@ -225,13 +225,13 @@ class SyncAssembler(PadAssembler):
         self._distinct[rank] += 1
         frames = self._begin_run(sweep, node, rank) if rank <= node.last else ()
         node.note(rank, data)
-        if not node.behind:
+        if node.is_in_step:
             if sweep.is_closed:
                 return frames + self._lose(LossReason.LATE if sweep.is_discarded else LossReason.SURPLUS)
             sweep.missing -= 1
         if (wrong := self._wrong_length(rank, data)) is not None:
             self._lose(wrong)
-        elif node.behind:
+        elif not node.is_in_step:
             node.held[rank] = data
         else:
             sweep.tpdos[rank] = data
@@ -259,9 +259,9 @@ class SyncAssembler(PadAssembler):
 
     def _begin_run(self, sweep: Sweep, node: SweepSender, rank: int) -> TaxelFrames:
         """Decide what the present run of a node was, because the node begins its next run in the same period."""
-        if node.behind:
+        if not node.is_in_step:
             self._use_held(node, self._before if node.owes_tail else None)
-            node.end_run()
+            node.began_further_run()
             return self._close_settled()
         if sweep.is_closed:
             return ()
@@ -269,7 +269,7 @@ class SyncAssembler(PadAssembler):
             self._lose(LossReason.LATE, sweep.discard())
             return self._close_before()
         self._lose(LossReason.OUT_OF_ORDER, sweep.discard())
-        node.lose_step()
+        node.changed_order()
         return ()
 
     def _use_held(self, node: SweepSender, sweep: Sweep | None) -> TaxelFrames:
