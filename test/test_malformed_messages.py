@@ -681,9 +681,9 @@ def test_an_exception_is_counted_and_logged_once_with_its_traceback(chain, caplo
             publisher.publish(TaxelArray())
         chain.until(lambda: subscription.counts.received == 20)
     assert subscription.counts == MessageCounts(20, 0, {R.PROCESSING_FAILED: 10, R.NO_TAXELS: 10})
-    logged = {record.args[1]: record for record in caplog.records if record.name.endswith('guarded_subscription')}
+    logged = {record.args[1]: record for record in caplog.records if record.name.endswith('guarded_input')}
     assert sorted(logged) == ['no_taxels', 'processing_failed']
-    assert len([record for record in caplog.records if record.name.endswith('guarded_subscription')]) == 2
+    assert len([record for record in caplog.records if record.name.endswith('guarded_input')]) == 2
     assert logged['processing_failed'].exc_info[0] is ZeroDivisionError and not logged['no_taxels'].exc_info
 
 

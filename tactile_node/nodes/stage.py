@@ -2,19 +2,21 @@
 
 The driver, the processors, the classifiers and the grasp node are stages. A `StageOutput` is an `OnDemandPublisher`. If
 the next stage runs in the same process, the output also calls the `StageInput` of that stage, on the chain thread. A
-`StageInput` is a `GuardedSubscription`. It posts each message from the topic to the chain of its own process.
+`StageInput` is a `GuardedInput`. It posts each message from the topic to the chain of its own process.
 """
 
 import math
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 
 from tactile_node.chain import Chain, Step
-from tactile_node.nodes.guarded_subscription import FrameKey, GuardedSubscription, frame_key
+from tactile_node.nodes.guarded_input import FrameKey, GuardedInput, frame_key
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.ros.message_age import age_since
 from tactile_node.ros.message_checks import Check, Message
@@ -114,7 +116,7 @@ class StageOutput(OnDemandPublisher[Any], Generic[Result]):
         return message
 
 
-class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
+class StageInput(GuardedInput[Message], Generic[Message, Result]):
     """Input of a stage, which receives results from a stage of the same process or messages from a topic.
 
     Both wait for their turn on the chain. The input subscribes to the topic unless a stage of this process is its only
@@ -159,6 +161,8 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message, float], Result],
                  stages: Stages, step: Step | None = None, most_waiting: int = 1,
                  steady: Callable[[], float] = time.monotonic):
+        super().__init__(node, kind, topic, check=check, lossless=settings.lossless, steady=steady)
+        self._accept = accept
         self._parse = parse
         self._stages = stages
         self._step = step
@@ -172,7 +176,8 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._is_fed = False
         self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
         self.sends_on: str | None = None
-        super().__init__(node, kind, topic, accept, qos, check=check, lossless=settings.lossless, steady=steady)
+        self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
+        self._subscription: Subscription | None = self._subscribe()
         stages.add(self)
 
     @property
@@ -204,7 +209,8 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
-        self.destroy()
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
         self._arrived.clear()
         self._stages.remove(self)
 
@@ -221,7 +227,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     def _process_next(self) -> None:
         if self._waiting:
-            self.process(self._waiting.popleft())
+            self.process(self._accept, self._waiting.popleft())
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)
