@@ -18,7 +18,7 @@ class SweepSender:
         True if, of all earlier sweeps, only the end of the previous one may still arrive, after the rank ``last``.
     last : int
         Rank received last, or -1 before the first TPDO of a run.
-    held : dict
+    waiting : dict
         TPDOs of the present run, by rank, while the SYNC that they answer is not known.
     received : list of int
         Ranks received in this period, at most one more than in a sweep.
@@ -38,7 +38,7 @@ class SweepSender:
         self._behind = behind  # largest number of earlier sweeps whose TPDOs may still arrive; inf if unknown
         self.owes_tail = False
         self.last = -1
-        self.held: dict[int, bytes] = {}
+        self.waiting: dict[int, bytes] = {}
         self.received: list[int] = []
         self.is_in_doubt = False
         self._last_data = b''
