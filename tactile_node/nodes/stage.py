@@ -92,10 +92,10 @@ class StageOutput(OnDemandPublisher[Any], Generic[Result]):
         self._make, self._stages = make, stages
 
     def send(self, result: Result) -> None:
-        """Publish a result and pass it on, on the chain thread.
+        """Publish a result if the topic has a subscriber, and pass it on, on the chain thread.
 
-        If publishing raises an exception, the next stage still gets the result, and the caller gets the exception and
-        counts it.
+        In a lossless replay, publish every result. If publishing raises an exception, the next stage still gets the
+        result, and the caller gets the exception and counts it.
         """
         try:
             self.publish(self._message, result)
