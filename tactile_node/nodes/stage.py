@@ -148,18 +148,15 @@ class StageInput(GuardedInput[Message], Generic[Message, Result]):
     most_waiting : int
         Number of results that may wait for ``step``. A newer result takes the place of the oldest one, which then
         counts as overtaken. In a lossless replay, ``accept`` gets all results.
+    sends_on : str or None
+        Topic of this stage's results, or None for the last stage of a pad. `Stages.is_complete` reads the topic.
     steady : callable
         Steady clock [s].
-
-    Attributes
-    ----------
-    sends_on : str or None
-        Topic of this stage's results, or None for the last stage of a pad.
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message, float], Result],
-                 stages: Stages, step: Step | None = None, most_waiting: int = 1,
+                 stages: Stages, step: Step | None = None, most_waiting: int = 1, sends_on: str | None = None,
                  steady: Callable[[], float] = time.monotonic):
         super().__init__(node, kind, topic, check=check, lossless=settings.lossless, steady=steady)
         self._accept = accept
@@ -175,7 +172,7 @@ class StageInput(GuardedInput[Message], Generic[Message, Result]):
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
         self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
-        self.sends_on: str | None = None
+        self.sends_on = sends_on
         self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
         self._subscription: Subscription | None = self._subscribe()
         stages.add(self)
