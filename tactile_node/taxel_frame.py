@@ -75,7 +75,7 @@ class TaxelFrame(NamedTuple):
     status: np.ndarray  #: uint8 TaxelStatus, shape (rows, cols)
     missing_can_frames: int  #: number of TPDOs of this period whose values are missing from the frame
     tpdo_ages: TpdoAges | None = None  #: None if all values come from one sweep
-    #: the moment of ``stamp`` on the steady clock [s], which the source of the frame adds; -inf if not known
+    #: the moment of ``stamp`` on the steady clock [s], which the router adds; -inf if not known
     acquired: float = -math.inf
 
     @property

@@ -7,7 +7,7 @@ from tactile_node.grasp.opening import GapSource, Opening
 from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
 from tactile_node.pose.pipeline import ContactPipeline, Taxels
 from tactile_node.ros.contact_messages import PadContact, PadFrame
-from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.grasp_messages import CurrentGrasp, grasp_message, side_result
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.shape_messages import PadShape, pad_shape_of
 from tactile_node.shape.methods import make_recogniser
@@ -55,8 +55,9 @@ class PlannerChain:
             self._latest[side], self._times[side] = self._pads[side].shape(frame, now), now
             self._tracker.update(side, side_result(self._latest[side], now), now + DELAY)
         sent = now + DELAY
-        message = grasp_message(self._tracker.state(sent, gap), [self._latest[side] for side in SIDES],
-                                Opening(gap, GapSource.PARAMETER, 0.0), 'gripper',
-                                [sent - self._times[side] for side in SIDES], self._gripper)
+        message = grasp_message(CurrentGrasp(
+            self._tracker.state(sent, gap), [self._latest[side] for side in SIDES],
+            Opening(gap, GapSource.PARAMETER, 0.0), 'gripper', [sent - self._times[side] for side in SIDES],
+            self._gripper))
         message.age = age_message(max(sent - self._times[side] for side in SIDES))
         return message

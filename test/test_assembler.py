@@ -92,7 +92,7 @@ def test_sweeps_after_silence_are_lost_until_a_free_bus_proves_that_none_is_late
     for sequence, frame in enumerate(result for result in given if isinstance(result, TaxelFrame)):
         check(frame, np.full((3, 2), NAN), sequence, missing=3)
     assert assembler.is_in_doubt
-    assembler.settle()
+    assembler.bus_was_free()
     assert not assembler.is_in_doubt and send(assembler, *sweep, at=51.5) is None
     check(only(assembler.sync(52)), np.full((3, 2), 2), sequence=51)
     check(send(assembler, *sweep, at=52.5), np.full((3, 2), 2), sequence=52)
@@ -179,7 +179,7 @@ def test_an_order_that_was_changed_once_is_forgotten_after_a_free_bus(assembler)
     for period in range(100):
         given = [*assembler.sync(period)]
         if period == 50:
-            assembler.settle()
+            assembler.bus_was_free()
         else:
             given += assembler.feed(ROW_3, bytes([9 + period] * 2), period + 0.1)
         for row in (ROW_1, ROW_2):
@@ -234,7 +234,7 @@ def played(assembler, script):
         elif name == 'R':
             assembler.resume(0)
         elif name == 'F':
-            assembler.settle()
+            assembler.bus_was_free()
         else:
             given += assembler.feed(rows[name[0]], bytes([10 + int(name[1:])] * 2), float(stamp or now + 0.5))
     given += assembler.end_period()
@@ -287,7 +287,7 @@ def test_a_bus_that_seemed_free_because_of_the_adapter_causes_no_wrong_stamp(ass
         if stamp < 1.0:
             send(assembler, (ROW_1, '0A0A'), (ROW_2, '0A0A'), (ROW_3, '0A0A'), at=0.985)
     assembler.sync(1.02)
-    assembler.settle()
+    assembler.bus_was_free()
     results = []
     for data in (b'\x0A\x0A', b'\x0B\x0B'):  # The late sweep and the current sweep arrive together.
         for row in (ROW_1, ROW_2, ROW_3):
@@ -387,7 +387,7 @@ def test_random_loss_and_delay_never_mixes_periods(tmp_path, loss, most_delayed,
     for period in range(3000):
         results += assembler.sync(period)
         if not backlog:
-            assembler.settle()
+            assembler.bus_was_free()
         backlog += [(can_id, bytes([period % 250 + 5] * 2))
                     for can_id in (ROW_1, ROW_2, ROW_3) if rng.random() > loss]
         delayed = int(rng.integers(0, most_delayed + 1)) if rng.random() < 0.3 else 0
@@ -453,7 +453,7 @@ def test_no_frame_is_wrong_after_any_loss_or_delay_of_one_period(tmp_path, perio
             sent += [(row, period) for row in range(3)] if period >= periods else []
             frames += assembler.sync(period)
             if period == periods + 3:
-                assembler.settle()
+                assembler.bus_was_free()
             for row, count in sent:
                 frames += assembler.feed((ROW_1, ROW_2, ROW_3)[row], bytes([10 + count] * 2), period + 0.5)
         frames = [*frames, *assembler.end_period()]
@@ -477,7 +477,7 @@ def test_tpdos_that_an_adapter_has_held_back_get_no_present_stamp(tmp_path, lost
     for period in range(10 + 40 + 200):
         results = assembler.sync(float(period))
         if not waiting and period > 50:
-            assembler.settle()
+            assembler.bus_was_free()
         waiting += [(can_id, bytes([10 + period // 2] * 2)) for can_id in (ROW_1, ROW_2, ROW_3)]
         if period == 50:
             del waiting[:lost]

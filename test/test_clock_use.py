@@ -16,7 +16,7 @@ WALL_CLOCK = {
     'tactile_node/bus/slcan_bus.py': 'the time of CAN frames, which stamp_clock maps to its own stamps',
     'tactile_node/bus/bus_network.py': 'the time of sent CAN frames in a recording',
     'tactile_node/cia301/emergency.py': 'the time of an EMCY for human readers',
-    'tactile_node/nodes/guarded_subscription.py': 'a warning that the stamps come from another clock',
+    'tactile_node/nodes/guarded_input.py': 'a warning that the stamps come from another clock',
     'tactile_node/nodes/state_publisher.py': 'the stamp of a diagnostic according to REP 107',
     'tactile_node/nodes/node_health.py': 'the stamp of a diagnostic according to REP 107',
     'tactile_node/nodes/pad_transforms.py': 'stamps on tf from the publishing host, see docs/hosts.md',

@@ -17,7 +17,7 @@ from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.snapshot_assembler import SNAPSHOT_WAIT, SnapshotAssembler
 from tactile_node.assembly.sweep_assembler import SweepAssembler
 from tactile_node.errors import ConfigurationError
-from tactile_node.skin.taxel_codec import without_values
+from tactile_node.sources.node_trust import without_values
 from tactile_node.taxel_frame import TaxelStatus
 
 LONG = bool(os.environ.get('TACTILE_LONG'))

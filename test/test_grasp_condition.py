@@ -13,7 +13,7 @@ from tactile_node.grasp.gripper import Gripper
 from tactile_node.grasp.opening import UNKNOWN_OPENING
 from tactile_node.grasp.tracker import GraspTracker, SideResult, SideState
 from tactile_node.ros.grasp_checks import check_grasp
-from tactile_node.ros.grasp_messages import grasp_message
+from tactile_node.ros.grasp_messages import CurrentGrasp, grasp_message
 from tactile_node.ros.message_age import age_message
 from tactile_node.ros.shape_messages import pad_shape_of
 from tactile_node.ros.time_messages import time_message
@@ -48,7 +48,8 @@ class World:
         sides = [good_shape(), good_shape()]
         for side in sides:
             side.header.stamp = time_message(1.7e9 + self.now - AGE)
-        message = grasp_message(state, [*map(pad_shape_of, sides)], UNKNOWN_OPENING, 'gripper', (AGE, AGE), Gripper())
+        message = grasp_message(CurrentGrasp(state, [*map(pad_shape_of, sides)], UNKNOWN_OPENING, 'gripper', (AGE, AGE),
+                                             Gripper()))
         message.age = age_message(AGE)
         assert check_grasp(message) is None
         return message

@@ -15,10 +15,13 @@ from ros_bench import TIMEOUT
 from test_grasp_node import BOTH, PERIOD, SIM_TIME, Gripper, hidden_shape
 
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
+from tactile_node.grasp.gripper import Gripper as Geometry
+from tactile_node.grasp.opening import UNKNOWN_OPENING
 from tactile_node.grasp.tracker import GraspContact, GraspState, SideState
-from tactile_node.nodes.grasp_requests import MOST_GOALS, CurrentGrasp, GraspRequests
+from tactile_node.nodes.grasp_requests import MOST_GOALS, GraspRequests
 from tactile_node.nodes.spinner import SpinnerExecutor
 from tactile_node.ros.grasp_checks import check_grasp
+from tactile_node.ros.grasp_messages import CurrentGrasp
 from tactile_node.ros.message_age import age_seconds
 from tactile_node.ros.requirement_messages import requirement_of, timeout_of
 from tactile_node.ros.time_messages import duration_message
@@ -267,7 +270,8 @@ def test_a_grasp_that_is_lost_before_the_answer_leaves_is_not_reported_as_held(p
     looks = [held, held]
     sides = [ContactShape(), ContactShape()]
     node = rclpy.create_node('brief')
-    requests = GraspRequests(node, lambda: CurrentGrasp(looks.pop() if looks else unseen, sides, Grasp))
+    requests = GraspRequests(node, lambda: CurrentGrasp(
+        looks.pop() if looks else unseen, sides, UNKNOWN_OPENING, 'gripper', (0.0, 0.0), Geometry()))
     planner.gripper.executor.add_node(node)
     client = ActionClient(node, WaitForGrasp, '/brief/wait_for_grasp')
     planner.gripper.until_joined(client.server_is_ready)

@@ -48,7 +48,7 @@ from tactile_node.ros.contact_messages import (
     taxel_values,
 )
 from tactile_node.ros.grasp_checks import check_grasp
-from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.grasp_messages import CurrentGrasp, grasp_message, side_result
 from tactile_node.ros.message_checks import (
     RejectReason,
     check_contact,
@@ -128,7 +128,7 @@ def good_grasp(sequence=0) -> Grasp:
     tracker.update('left', side_result(side, 5.0), now=5.0)
     tracker.update('right', side_result(side, 5.0), now=5.0)
     state = tracker.state(5.0, opening.gap)
-    return grasp_message(state, [side, side], opening, 'gripper', ages=(0.02, 0.01), gripper=Gripper())
+    return grasp_message(CurrentGrasp(state, [side, side], opening, 'gripper', ages=(0.02, 0.01), gripper=Gripper()))
 
 
 def labels(*numbers):
@@ -681,9 +681,9 @@ def test_an_exception_is_counted_and_logged_once_with_its_traceback(chain, caplo
             publisher.publish(TaxelArray())
         chain.until(lambda: subscription.counts.received == 20)
     assert subscription.counts == MessageCounts(20, 0, {R.PROCESSING_FAILED: 10, R.NO_TAXELS: 10})
-    logged = {record.args[1]: record for record in caplog.records if record.name.endswith('guarded_subscription')}
+    logged = {record.args[1]: record for record in caplog.records if record.name.endswith('guarded_input')}
     assert sorted(logged) == ['no_taxels', 'processing_failed']
-    assert len([record for record in caplog.records if record.name.endswith('guarded_subscription')]) == 2
+    assert len([record for record in caplog.records if record.name.endswith('guarded_input')]) == 2
     assert logged['processing_failed'].exc_info[0] is ZeroDivisionError and not logged['no_taxels'].exc_info
 
 

@@ -16,7 +16,7 @@ from tactile_node.grasp.opening import UNKNOWN_OPENING
 from tactile_node.grasp.tracker import GraspTracker
 from tactile_node.pose.events import Event, EventKind, Motion, Moving, Observable, SeenBy
 from tactile_node.ros.grasp_checks import check_grasp
-from tactile_node.ros.grasp_messages import grasp_message, side_result
+from tactile_node.ros.grasp_messages import CurrentGrasp, grasp_message, side_result
 from tactile_node.ros.message_age import age_message, age_seconds
 from tactile_node.ros.motion_messages import check_contact_event, check_motion, motion_message
 from tactile_node.ros.shape_messages import pad_shape_of
@@ -47,8 +47,8 @@ class Held:
                 side.motion = motion_message(moves, STAMP)
                 self._tracker.update(name, side_result(pad_shape_of(side), self.now - AGE), self.now)
         self.now += later
-        message = grasp_message(self._tracker.state(self.now), [*map(pad_shape_of, sides)], UNKNOWN_OPENING, 'gripper',
-                                (AGE + later,) * 2, Gripper())
+        message = grasp_message(CurrentGrasp(self._tracker.state(self.now), [*map(pad_shape_of, sides)],
+                                             UNKNOWN_OPENING, 'gripper', (AGE + later,) * 2, Gripper()))
         assert check_grasp(message) is None
         return message
 

@@ -22,7 +22,7 @@ from examples.demo.topics import frame_topics
 from tactile_node.chain import Step
 from tactile_node.errors import ConfigurationError
 from tactile_node.node_graph import bus_nodes
-from tactile_node.nodes import guarded_subscription
+from tactile_node.nodes import guarded_input
 from tactile_node.nodes.classifier_node import ClassifierNode
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.nodes.processor_node import MOST_WAITING, ProcessorNode
@@ -197,7 +197,7 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
 def test_gaps_in_function_calls_do_not_read_the_message_types_again(ros, monkeypatch):
     """With drop_incomplete on a lossy bus, most results may follow a gap. Reading the types takes 0.14 ms."""
     reads, results, clock, bench = [], [], VirtualTime(), RosBench(ros)
-    monkeypatch.setattr(guarded_subscription, 'publishers_of_other_type',
+    monkeypatch.setattr(guarded_input, 'publishers_of_other_type',
                         lambda node, topic: reads.append(clock.now()) or ())
     stages, reader = Stages(), bench.add('reader')
     ros.callback(stages.chain.stop, TIMEOUT)
@@ -222,7 +222,7 @@ def test_an_exception_of_a_stage_is_counted_and_the_other_stages_continue(monkey
 
         def fail(contact):
             raise ValueError('a stage that raises')
-        monkeypatch.setattr(failing, '_callback', fail)
+        monkeypatch.setattr(failing, '_accept', fail)
         for _ in range(10):
             process.send()
             time.sleep(PERIOD)
@@ -238,16 +238,16 @@ def test_a_blocked_stage_costs_frames_and_each_is_counted(monkeypatch):
     """The processor keeps only the two newest frames, and the classifier only the newest contact."""
     with Process() as process:
         stage, taxels = process.input('/left/classifier'), process.input('/left/processor')
-        accept, begun, go = stage._callback, threading.Event(), threading.Event()
+        accept, begun, go = stage._accept, threading.Event(), threading.Event()
 
         def block(contact):
             begun.set()
             assert go.wait(TIMEOUT)
             accept(contact)
-        monkeypatch.setattr(stage, '_callback', block)
+        monkeypatch.setattr(stage, '_accept', block)
         process.send()
         assert begun.wait(TIMEOUT)
-        monkeypatch.setattr(stage, '_callback', accept)
+        monkeypatch.setattr(stage, '_accept', accept)
         for _ in range(40):
             process.send()
         go.set()
@@ -281,7 +281,7 @@ def test_the_older_contact_of_two_waiting_pads_is_processed_first():
     answered = []
     with Process() as process:
         for pad in ('left', 'right'):
-            process.input(f'/{pad}/classifier')._callback = (
+            process.input(f'/{pad}/classifier')._accept = (
                 lambda each, pad=pad: answered.append((pad, each.sequence)))
         go = blocked(process.chain)
         for pad, sequence in (('left', 2), ('right', 1)):
@@ -300,7 +300,7 @@ def test_messages_for_viewers_follow_the_shapes_of_both_pads():
     with Process() as process:
         go = blocked(process.chain)
         for pad, acquired in (('left', PERIOD), ('right', PERIOD + 3e-6)):
-            process.input(f'/{pad}/classifier')._callback = lambda each, pad=pad: made.append(f'shape of {pad}')
+            process.input(f'/{pad}/classifier')._accept = lambda each, pad=pad: made.append(f'shape of {pad}')
             process.nodes[f'/{pad}/processor']._views = SimpleNamespace(
                 is_wanted=True, publish=lambda contact, pad=pad: made.append(f'images of {pad}'))
             process.chain.post(process.input(f'/{pad}/processor').feed, pad_frame(1, acquired=acquired))
@@ -453,7 +453,7 @@ def test_a_replay_that_waits_can_be_deactivated_at_once(tmp_path, monkeypatch):
     def block(contact):
         begun.set()
         go.wait(TIMEOUT)
-    monkeypatch.setattr(stage, '_callback', block)
+    monkeypatch.setattr(stage, '_accept', block)
     with spinning(system.nodes):
         system.autostart(threading.Event())
         assert begun.wait(TIMEOUT)

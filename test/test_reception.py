@@ -25,6 +25,7 @@ from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.can_queue import CanQueue
 from tactile_node.bus.open_bus import open_bus
+from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.bus.sync_producer import SyncPause, SyncProducer
 from tactile_node.viewing.node_record import BusRecord
 
@@ -135,7 +136,7 @@ def test_syncs_are_left_out_while_it_is_not_known_how_far_a_node_is():
     After the omitted SYNCs, the driver omits none for a while.
     """
     router = SimpleNamespace(is_in_doubt=False, sync=lambda stamp: None)
-    queue = CanQueue(router, None, None, polled=(), queue_limit=9, is_host_stamped=True)
+    queue = CanQueue(router, None, None, polled=(), queue_limit=9, clock=StampClock())
     sent = []
     network = SimpleNamespace(send_message=lambda *args, **kwargs: sent.append(number))
     producer = SyncProducer(0.02, 0x80, lambda: network, queue, router, None)
@@ -162,7 +163,7 @@ class Clocked:
         router._saw_other = partial(Router._saw_other, router)
         router.feed_batch = partial(Router.feed_batch, router)
         monitor = BusMonitor([])
-        self.queue = CanQueue(router, monitor, None, polled=(), queue_limit=queue_limit, is_host_stamped=True)
+        self.queue = CanQueue(router, monitor, None, polled=(), queue_limit=queue_limit, clock=StampClock())
         self.begun = time.time() - 100.0
         self.queue.begin()
 
@@ -259,7 +260,7 @@ WIRE_BITS = [({'is_extended_id': False, 'data': bytes(8)}, 98 + 24 + 13),
 @pytest.mark.parametrize(('kind', 'bits'), WIRE_BITS)
 def test_the_live_bus_load_counts_every_frame_on_the_wire_as_the_report_does(kind, bits):
     monitor, record = BusMonitor([32]), BusRecord(1_000_000)
-    queue = CanQueue(SimpleNamespace(), monitor, None, polled=(), queue_limit=99, is_host_stamped=True)
+    queue = CanQueue(SimpleNamespace(), monitor, None, polled=(), queue_limit=99, clock=StampClock())
     messages = [can.Message(timestamp=100.0 + stamp, arbitration_id=0x1A0, **kind) for stamp in (0.1, 0.2, 1.5)]
     queue.received(Batch([*messages, can.Message(timestamp=101.6, is_error_frame=True)]))
     for message in messages:

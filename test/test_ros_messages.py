@@ -24,6 +24,7 @@ from tactile_node.ros.contact_messages import (
     taxel_values,
 )
 from tactile_node.ros.grasp_checks import check_grasp
+from tactile_node.ros.grasp_messages import CurrentGrasp
 from tactile_node.ros.message_age import InputAge, age_seconds
 from tactile_node.ros.message_checks import check_contact_shape, check_taxel_array
 from tactile_node.ros.shape_messages import PadShape, pad_shape_of, pose_message
@@ -93,7 +94,7 @@ def side_result(message, time):
 
 
 def grasp_message(state, sides, *given):
-    return grasp_messages.grasp_message(state, [*map(pad_shape_of, sides)], *given)
+    return grasp_messages.grasp_message(CurrentGrasp(state, [*map(pad_shape_of, sides)], *given))
 
 
 def test_taxels_keep_values_nan_status_and_stamp():
@@ -279,8 +280,8 @@ def test_the_sides_of_a_grasp_are_a_message_of_their_own():
     sides = [shape(block(4, 9), Shape.RECTANGLE), shape(block(6, 6), Shape.SQUARE)]
     sides[1].header.stamp.nanosec += 1
     state = GraspTracker().state(0.0)
-    message = grasp_messages.sides_message(state, [*map(pad_shape_of, sides)], 'gripper', (0.3, 0.1))
-    grasp = grasp_message(state, sides, UNKNOWN_OPENING, 'gripper', (0.3, 0.1), Gripper())
+    current = CurrentGrasp(state, [*map(pad_shape_of, sides)], UNKNOWN_OPENING, 'gripper', (0.3, 0.1), Gripper())
+    message, grasp = grasp_messages.sides_message(current), grasp_messages.grasp_message(current)
     assert (message.header, message.age) == (grasp.header, grasp.age) and list(message.sides) == sides
     assert message.header.frame_id == 'gripper' and message.header.stamp == sides[0].header.stamp
     assert list(message.side_states) == list(grasp.side_states) == [Grasp.SIDE_NOT_KNOWN] * 2

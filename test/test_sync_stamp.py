@@ -66,8 +66,7 @@ class HeldUp:
         self._router = Router((pad,), lambda name, frame: self.frames.append(frame), foreign_sync=False,
                               one_clock=one_clock)
         self.queue = CanQueue(self._router, BusMonitor([32]), print, polled=(), queue_limit=999,
-                               is_host_stamped=True)
-        self.queue.clock = self.hands.clock()
+                              clock=self.hands.clock())
         self.network = BusNetwork(self.bus, self.queue.received, print)
         self.bus.received = self.queue.received
         self.producer = SyncProducer(PERIOD, 0x80, lambda: self.network, self.queue, self._router, print)

@@ -79,7 +79,7 @@ class PadAssembler:
     def node_started(self, node_id: int) -> None:
         """Record that a silent node was started."""
 
-    def settle(self) -> None:
+    def bus_was_free(self) -> None:
         """Record that a free bus has proved that no answer to an earlier SYNC can arrive (``FreeBus``)."""
 
     def sync(self, stamp: float, late: float = 0.0) -> TaxelFrames:

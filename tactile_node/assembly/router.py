@@ -4,6 +4,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import inf
 
 import can
 
@@ -38,6 +39,8 @@ class Router:
         Pads on the bus.
     on_frame : callable
         Function that is called with the name of the pad and each taxel frame.
+    acquired : callable
+        Function that returns the time on the steady clock that a stamp denotes [s]; -inf if not known.
     foreign_sync : bool
         True if SYNCs received from the bus also separate the periods; False if only calls to ``sync`` do.
     one_clock : bool
@@ -48,7 +51,8 @@ class Router:
         Bit rate [bit/s].
     """
 
-    def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame, foreign_sync: bool = True,
+    def __init__(self, pads: tuple[PadSettings, ...], on_frame: OnFrame,
+                 acquired: Callable[[float], float] = lambda stamp: -inf, foreign_sync: bool = True,
                  one_clock: bool = True, drop_incomplete: bool = False, bitrate: int = SLOW_BITRATE):
         self._assemblers = {pad.name: _assembler(pad, one_clock) for pad in pads}
         self.withhold_incomplete(drop_incomplete)
@@ -60,6 +64,7 @@ class Router:
         self._foreign_sync = foreign_sync
         self._sync_id = pads[0].layout.sync_cob_id
         self._on_frame = on_frame
+        self._acquired = acquired
         self._counts: Counter[str] = Counter()
         self._consumer_errors = 0
 
@@ -127,7 +132,7 @@ class Router:
         """
         if self._free_bus.nothing_pending(stamp if after is None else after):
             for each in self._assemblers.values():
-                each.settle()
+                each.bus_was_free()
         owner = self._owners.get(can_id)
         if owner is None:
             self._free_bus.saw_frame(stamp)
@@ -201,9 +206,10 @@ class Router:
             self.sync(stamp)
 
     def _deliver(self, name: str, frames: TaxelFrames) -> None:
+        """Call ``on_frame`` with each frame and its time of acquisition."""
         for frame in frames:
             try:
-                self._on_frame(name, frame)
+                self._on_frame(name, frame._replace(acquired=self._acquired(frame.stamp)))
             except Exception:
                 self._consumer_errors += 1
                 logger.exception('on_frame of pad %r failed', name)

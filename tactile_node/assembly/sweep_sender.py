@@ -14,13 +14,11 @@ class SweepSender:
 
     Attributes
     ----------
-    behind : float
-        Largest number of earlier sweeps whose TPDOs may still arrive; inf if unknown. The node is in step if it is 0.
     owes_tail : bool
         True if, of all earlier sweeps, only the end of the previous one may still arrive, after the rank ``last``.
     last : int
         Rank received last, or -1 before the first TPDO of a run.
-    held : dict
+    waiting : dict
         TPDOs of the present run, by rank, while the SYNC that they answer is not known.
     received : list of int
         Ranks received in this period, at most one more than in a sweep.
@@ -36,17 +34,22 @@ class SweepSender:
         self.restart()
 
     def restart(self, behind: float = 0) -> None:
-        """Forget all TPDOs."""
-        self.behind = behind
+        """Forget all TPDOs. The node may be ``behind`` by this number of sweeps; inf if the number is unknown."""
+        self._behind = behind  # largest number of earlier sweeps whose TPDOs may still arrive; inf if unknown
         self.owes_tail = False
         self.last = -1
-        self.held: dict[int, bytes] = {}
+        self.waiting: dict[int, bytes] = {}
         self.received: list[int] = []
         self.is_in_doubt = False
         self._last_data = b''
-        self._is_proved = False  # True if a free bus has proved that the next run answers the last SYNC
+        self._bus_was_free = False  # True if a free bus has proved that the next run answers the last SYNC
         self._was_started = False
-        self._began_in_step = not behind
+        self._began_in_step = self.is_in_step
+
+    @property
+    def is_in_step(self) -> bool:
+        """True if no TPDO of an earlier sweep may still arrive, so that the node answers the last SYNC (rule 1)."""
+        return not self._behind
 
     def started(self) -> None:
         """Record that the silent node was started. The node owes no answer to an earlier SYNC (rule 2)."""
@@ -54,13 +57,13 @@ class SweepSender:
             self.restart()
             self._was_started = True
 
-    def settle(self) -> None:
+    def bus_was_free(self) -> None:
         """Record that a free bus has proved that no answer to an earlier SYNC can begin (rule 4).
 
         A tail is unaffected, because the beginning of the next run shows where the tail belongs.
         """
         if not self.received and not self.owes_tail:
-            self._is_proved = True
+            self._bus_was_free = True
             self.is_in_doubt = False
 
     def repeats(self, rank: int, data: bytes) -> bool:
@@ -78,48 +81,51 @@ class SweepSender:
         """Record a TPDO that was on the bus before the last SYNC, so that at least one sweep was behind (rule 9)."""
         if rank <= self.last:
             self.owes_tail = False
-            self.behind -= 1
-        self.behind = max(self.behind, 1)
+            self._behind -= 1
+        self._behind = max(self._behind, 1)
         self.last = rank
         self._last_data = data
         if rank == self.ranks[-1]:
             self.owes_tail = False
-            self.behind -= 1
+            self._behind -= 1
             self.last = -1
 
-    def end_run(self) -> None:
+    def began_further_run(self) -> None:
         """Record that the next run begins in the same period, so the node is one sweep less behind (rule 2)."""
-        self._is_proved = False
+        self._bus_was_free = False
         self.owes_tail = False
-        self.behind -= 1
+        self._behind -= 1
 
-    def lose_step(self) -> None:
-        """Record that the number of sweeps the node is behind is unknown until the bus is free (rule 5)."""
-        self._is_proved = False
-        self.behind = inf
+    def changed_order(self) -> None:
+        """Record that the TPDOs arrived in another order.
+
+        It is unknown how many sweeps the node is behind, until the bus is free (rule 5).
+        """
+        self._bus_was_free = False
+        self._behind = inf
 
     def end_period(self) -> bool:
         """Pass to the next period, and return True if the run answers the SYNC of the ending period (rules 1 to 4)."""
         self._note_order()
         is_seen = bool(self.received)
-        is_current = is_seen and (self._is_proved or not self.behind)
+        is_current = is_seen and (self._bus_was_free or self.is_in_step)
         if is_current:
-            self.behind = 0
+            self._behind = 0
         if is_seen:
             has_ended = self.last == self.ranks[-1]
         else:
             has_ended = self._was_started
         if not has_ended:
-            self.behind += 1
+            self._behind += 1
         self.owes_tail = is_current and not has_ended
         # a node that sends in another order stays behind, and a pause would not change that
         self.is_in_doubt = is_seen and not is_current and self.order is None
         if not self.owes_tail:
             self.last = -1
         self.received = []
-        self._is_proved = False
+        self._bus_was_free = False
         self._was_started = False
-        self._began_in_step = not self.behind
+        self._began_in_step = self.is_in_step
         return is_current
 
     def _note_order(self) -> None:

@@ -26,17 +26,17 @@ assembler drops every TPDO that may answer another SYNC:
  1. If a node is in step, its run answers the last SYNC. The assembler adds the TPDOs to the sweep of that SYNC.
 
  2. If a node has not sent its last rank when the next SYNC is sent, the node may be one more sweep behind. The
-    assembler then holds the TPDOs of the node. When the node begins a further run in the same period, the held TPDOs
-    belong to an earlier sweep, and the node is one sweep less behind. After n silent periods, n runs are therefore lost
-    (LATE) if they arrive within one period.
+    assembler then lets the TPDOs of the node wait. When the node begins a further run in the same period, the waiting
+    TPDOs belong to an earlier sweep, and the node is one sweep less behind. After n silent periods, n runs are
+    therefore lost (LATE) if they arrive within one period.
 
  3. If the node was in step and was sending when the SYNC was sent, it owes only the *tail* of its sweep, above the last
-    rank. The assembler adds the held TPDOs to the sweep before as soon as the node begins its next run.
+    rank. The assembler adds the waiting TPDOs to the sweep before as soon as the node begins its next run.
 
- 4. TPDOs that are still held at the next SYNC are lost (LATE), because nothing shows which SYNC they answer. There is
-    one exception. If the bus was free before the run, no answer to an earlier SYNC can arrive (``FreeBus``,
-    ``settle``), and the run answers the last SYNC. If a second run arrives in the same period, an adapter has held
-    frames back, and this conclusion was wrong.
+ 4. TPDOs that still wait at the next SYNC are lost (LATE), because nothing shows which SYNC they answer. There is one
+    exception. If the bus was free before the run, no answer to an earlier SYNC can arrive (``FreeBus``,
+    ``bus_was_free``), and the run answers the last SYNC. If a second run arrives in the same period, an adapter has
+    held frames back, and this conclusion was wrong.
 
  5. If a node in step begins a second run in one period and repeats a rank, a SYNC was lost. All TPDOs of the pad are
     then LATE until the next SYNC. If the node repeats no rank, the order of its TPDOs was changed. The TPDOs of the pad
@@ -65,19 +65,19 @@ Example of a pad with one node and the ranks 0, 1 and 2, and SYNC every 20 ms:
     1 - 3      0 1 2                                                                   sweep of 0 ms, complete (7)
     20, 21     SYNC 0
     40         SYNC        behind by 1, and owes the tail 1 2 (3)
-    41, 42     1 2         the TPDOs are held (2)
+    41, 42     1 2         the TPDOs wait (2)
     43         0           in step, because a further run begins                       sweep of 20 ms, complete (3)
     44, 45     1 2                                                                     sweep of 40 ms, complete (7)
     60         SYNC
     80         SYNC        behind by 1, because it sent nothing after 60 ms (2)        sweep of 60 ms, all STALE (8)
-    81 - 83    0 1 2       the TPDOs are held: they answer the SYNC of 60 or of 80 ms
-    84         0           in step; the held TPDOs are LATE (2)
+    81 - 83    0 1 2       the TPDOs wait: they answer the SYNC of 60 or of 80 ms
+    84         0           in step; the waiting TPDOs are LATE (2)
     85, 86     1 2                                                                     sweep of 80 ms, complete (7)
     =========  ==========  ==========================================================  ==========================
 
 The numbers in parentheses are those of the rules.
 
-A node is in doubt (``is_in_doubt``) if its last period ended with held TPDOs that were lost. The SYNC producer then
+A node is in doubt (``is_in_doubt``) if its last period ended with waiting TPDOs that were lost. The SYNC producer then
 skips SYNCs, so that the bus becomes free.
 
 Limits:
@@ -178,9 +178,9 @@ class SyncAssembler(PadAssembler):
         if node_id in self._nodes:
             self._nodes[node_id].started()
 
-    def settle(self) -> None:
+    def bus_was_free(self) -> None:
         for node in self._nodes.values():
-            node.settle()
+            node.bus_was_free()
 
     def sync(self, stamp: float, late: float = 0.0) -> TaxelFrames:
         """End the period and begin the next one. Return the frames whose missing TPDOs can no longer arrive.
@@ -225,14 +225,14 @@ class SyncAssembler(PadAssembler):
         self._distinct[rank] += 1
         frames = self._begin_run(sweep, node, rank) if rank <= node.last else ()
         node.note(rank, data)
-        if not node.behind:
+        if node.is_in_step:
             if sweep.is_closed:
                 return frames + self._lose(LossReason.LATE if sweep.is_discarded else LossReason.SURPLUS)
             sweep.missing -= 1
         if (wrong := self._wrong_length(rank, data)) is not None:
             self._lose(wrong)
-        elif node.behind:
-            node.held[rank] = data
+        elif not node.is_in_step:
+            node.waiting[rank] = data
         else:
             sweep.tpdos[rank] = data
         return frames if sweep.missing else frames + self._emit_sweep(sweep)
@@ -259,9 +259,9 @@ class SyncAssembler(PadAssembler):
 
     def _begin_run(self, sweep: Sweep, node: SweepSender, rank: int) -> TaxelFrames:
         """Decide what the present run of a node was, because the node begins its next run in the same period."""
-        if node.behind:
-            self._use_held(node, self._before if node.owes_tail else None)
-            node.end_run()
+        if not node.is_in_step:
+            self._use_waiting(node, self._before if node.owes_tail else None)
+            node.began_further_run()
             return self._close_settled()
         if sweep.is_closed:
             return ()
@@ -269,15 +269,15 @@ class SyncAssembler(PadAssembler):
             self._lose(LossReason.LATE, sweep.discard())
             return self._close_before()
         self._lose(LossReason.OUT_OF_ORDER, sweep.discard())
-        node.lose_step()
+        node.changed_order()
         return ()
 
-    def _use_held(self, node: SweepSender, sweep: Sweep | None) -> TaxelFrames:
-        """Move the held TPDOs of a node to ``sweep``. The TPDOs are lost if it takes none."""
-        held, node.held = node.held, {}
+    def _use_waiting(self, node: SweepSender, sweep: Sweep | None) -> TaxelFrames:
+        """Move the waiting TPDOs of a node to ``sweep``. The TPDOs are lost if the sweep takes none."""
+        waiting, node.waiting = node.waiting, {}
         if sweep is None or sweep.is_closed:
-            return self._lose(LossReason.OUT_OF_ORDER if node.order else LossReason.LATE, len(held))
-        sweep.tpdos |= held
+            return self._lose(LossReason.OUT_OF_ORDER if node.order else LossReason.LATE, len(waiting))
+        sweep.tpdos |= waiting
         return ()
 
     def _end_sweep(self) -> TaxelFrames:
@@ -286,7 +286,7 @@ class SyncAssembler(PadAssembler):
         if sweep is None:
             return frames
         for node in self._nodes.values():
-            self._use_held(node, sweep if node.end_period() else None)
+            self._use_waiting(node, sweep if node.end_period() else None)
         if not sweep.is_emitted:
             self._before = sweep
         return frames + self._close_settled()
@@ -319,9 +319,9 @@ class SyncAssembler(PadAssembler):
     def _forget(self) -> None:
         self._lose(LossReason.UNFINISHED, self._pending())
         for node in self._nodes.values():
-            node.held = {}
+            node.waiting = {}
         self._before = self._sweep = None
 
     def _pending(self) -> int:
         open_sweeps = (sweep for sweep in (self._before, self._sweep) if sweep is not None and not sweep.is_emitted)
-        return sum(len(sweep.tpdos) for sweep in open_sweeps) + sum(len(node.held) for node in self._nodes.values())
+        return sum(len(sweep.tpdos) for sweep in open_sweeps) + sum(len(node.waiting) for node in self._nodes.values())

@@ -34,23 +34,23 @@ class CanQueue:
         Node-IDs of polled pads. The assembler also needs the SDO requests to these nodes.
     queue_limit : int
         Largest number of CAN frames that may wait for the chain.
-    is_host_stamped : bool
-        True if messages carry stamps from the wall clock of this host; see `StampClock`.
+    clock : StampClock
+        Clock that stamps the messages.
     chain : Chain or None
         Running chain of the process, or None to start a separate chain, which runs from ``begin`` to ``end``.
     """
 
     def __init__(self, router: Router, monitor: BusMonitor, on_failure: OnFailure, *, polled: Collection[int],
-                 queue_limit: int, is_host_stamped: bool, chain: Chain | None = None):
+                 queue_limit: int, clock: StampClock, chain: Chain | None = None):
         self._router = router
         self._monitor = monitor
         self._on_failure = on_failure
         self._polled = polled
         self._queue_limit = queue_limit
+        self.clock = clock
         #: chain that assembles the frames; a posted call runs after all messages received so far
         self.chain = chain or Chain('assembler')
         self._owns_chain = chain is None
-        self.clock = StampClock(is_host_stamped)
         self._posted = 0  # CAN frames posted to the chain
         self._fed = 0  # CAN frames that the chain has fed to the router
 

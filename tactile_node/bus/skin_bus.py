@@ -22,6 +22,7 @@ from tactile_node.bus.device_setup import DeviceAsSet
 from tactile_node.bus.domain_polling import DomainPolling
 from tactile_node.bus.load import refuse_full_bus
 from tactile_node.bus.open_bus import check_bit_rate, open_bus
+from tactile_node.bus.stamp_clock import StampClock
 from tactile_node.bus.sync_producer import SyncProducer
 from tactile_node.bus.usb_port import UsbPort
 from tactile_node.chain import Chain
@@ -81,12 +82,12 @@ class SkinBus:
         self.devices = BusDevices(settings, self._nodes, self._monitor, self._opened)
         self._polls = {node.node_id: self._polling(node, node.layout.domain)
                        for node in self._nodes if node.layout.domain is not None}
-        self._router = Router(self._pads, on_frame, foreign_sync=not settings.produce_sync,
+        clock = StampClock(host_stamped=settings.interface in (*STAMPED_ON_ARRIVAL, 'slcan'))
+        self._router = Router(self._pads, on_frame, clock.acquired, foreign_sync=not settings.produce_sync,
                               one_clock=_is_one_clock(settings),
                               drop_incomplete=settings.drop_incomplete, bitrate=settings.bitrate)
         self.queue = CanQueue(self._router, self._monitor, self._fail, polled=self._polls.keys(),
-                               queue_limit=settings.queue_limit,
-                               is_host_stamped=settings.interface in (*STAMPED_ON_ARRIVAL, 'slcan'), chain=chain)
+                              queue_limit=settings.queue_limit, clock=clock, chain=chain)
         self._port = UsbPort(settings.channel) if settings.interface == 'slcan' else None
         self._network: BusNetwork | None = None
         self._record: CanLogWriter | None = None

@@ -71,7 +71,6 @@ class BulkSlcanBus(slcanBus):
                  listen_only: bool = False, **options: Any):
         self._lines: deque[str] = deque()
         self._asked = -inf  # time of the last check for waiting bytes
-        self._earliest_arrival = -inf  # all lines of the next batch arrived after this time
         self._rest_arrival = -inf  # the incomplete line in the buffer arrived after this time
         self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores this option
         self._lock = _lock_port(channel.split('@')[0])
@@ -124,16 +123,23 @@ class BulkSlcanBus(slcanBus):
 
     def recv_all(self, timeout: float) -> Batch:
         """Return all waiting messages. If no message is waiting, wait up to ``timeout`` [s] for the first one."""
-        self._earliest_arrival = self._rest_arrival if self._buffer else self._asked
-        if not self._lines:
-            self._read_lines(timeout)
+        earliest = self._read_lines(timeout)
         lines, self._lines = self._lines, deque()
         now, read = time.time(), time.monotonic()
         messages = (self._message(line, now) for line in lines)
-        return Batch([message for message in messages if message is not None], (self._earliest_arrival, read))
+        return Batch([message for message in messages if message is not None], (earliest, read))
 
-    def _read_lines(self, timeout: float | None) -> None:
-        """Read all waiting bytes, and repeat this until a line is complete or ``timeout`` [s] has passed."""
+    def _read_lines(self, timeout: float | None) -> float:
+        """Read all waiting bytes, and repeat this until a line is complete or ``timeout`` [s] has passed.
+
+        If complete lines are already waiting, read nothing.
+
+        Returns
+        -------
+        float
+            Time after which all complete lines arrived, on the steady clock [s].
+        """
+        earliest = self._rest_arrival if self._buffer else self._asked
         end = None if timeout is None else time.monotonic() + timeout
         while not self._lines:
             with can.exceptions.error_check('Could not read from serial device'):
@@ -142,7 +148,7 @@ class BulkSlcanBus(slcanBus):
                 if not waiting:  # no byte of this read has arrived yet
                     after = self._asked
                     if not is_begun:
-                        self._earliest_arrival = after
+                        earliest = after
                 self._buffer += self.serialPortOrig.read(max(1, waiting))
             *lines, rest = self._buffer.translate(ENDS).split(END)
             if lines or not is_begun:
@@ -153,7 +159,8 @@ class BulkSlcanBus(slcanBus):
                 self._lines.append('t')  # an incomplete line, which is delivered as an error frame
             self._lines += [line.decode('ascii', 'replace') for line in lines if line not in (b'', b'z', b'Z')]
             if end is not None and time.monotonic() >= end:
-                return
+                break
+        return earliest
 
     def _read(self, timeout: float | None) -> str | None:
         """Return the next line. python-can calls this method."""

@@ -59,7 +59,7 @@ class ConditionedPad:
         self.gains = gains
         self._curve = curve
         self.faults = known  #: faulty taxels known in advance, and those found by the detector
-        self._found: FaultyTaxels | None = None
+        self._detected: FaultyTaxels | None = None
         self._status = np.zeros_like(known.kinds)
 
     @property
@@ -77,10 +77,10 @@ class ConditionedPad:
         """Return the conditioned frame."""
         offset = self.tared.offset  # read once, because a tare may replace it meanwhile
         zero = 0.0 if offset is None else offset
-        found = self.detector.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED.value)
-        if found is not self._found:
-            self._found = found
-            self._combine(found)
+        detected = self.detector.update(frame.stamp, frame.values, zero, frame.status == TaxelStatus.SATURATED.value)
+        if detected is not self._detected:
+            self._detected = detected
+            self._combine(detected)
         self._count_unchanged(frame)
         faulty = self._status != 0 if self.masks else self._known.kinds != 0
         if np.count_nonzero(faulty):
@@ -103,8 +103,8 @@ class ConditionedPad:
         elif step < 2.0 and np.isfinite(frame.values).any():
             self.unchanged += step
 
-    def _combine(self, found: FaultyTaxels) -> None:
-        kinds = np.where(self._known.kinds != 0, self._known.kinds, found.kinds)
+    def _combine(self, detected: FaultyTaxels) -> None:
+        kinds = np.where(self._known.kinds != 0, self._known.kinds, detected.kinds)
         self.faults = FaultyTaxels(read_only(kinds))
         status = np.where(kinds == TaxelFault.DEAD, TaxelStatus.DEAD, TaxelStatus.FAULTY)
         self._status = np.where(kinds != 0, status, 0).astype(np.uint8)

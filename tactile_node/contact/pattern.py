@@ -180,7 +180,7 @@ class PatternExtractor:
         valid = np.abs(numbers) < HIGHEST_VALUE
         missing = _taxels(unmapped, frame.shape, 'unmapped')
         hidden = ~(valid | missing)
-        found = self._found(frame, numbers, valid)
+        found = self._find_pressed(frame, numbers, valid)
         pressed, rest = found.pressed & valid, found.rest
         if rest and np.count_nonzero(pressed):
             rise = abs(float(np.median(numbers[pressed])) - rest)
@@ -215,11 +215,11 @@ class PatternExtractor:
             unmapped=read_only(missing), is_covered=is_covered, is_left_over=is_left and not contacts,
             noise=read_only(np.full(frame.shape, np.nan)) if found.noise is None else found.noise)
 
-    def _found(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> '_Found':
+    def _find_pressed(self, frame: np.ndarray, values: np.ndarray, valid: np.ndarray) -> '_PressedTaxels':
         if frame.dtype == bool:
-            return _Found(frame.copy())
+            return _PressedTaxels(frame.copy())
         if self._is_on_off or self._is_free and are_on_off(values[valid]):
-            return _Found(self._above(values, valid))
+            return _PressedTaxels(self._above(values, valid))
         level, noise = self._floor.measure(values, valid)
         if self._thresholds:
             pressed, halo = self._above(values, valid), None
@@ -234,7 +234,8 @@ class PatternExtractor:
             pressed, halo = standing_out(values, valid, threshold, before)
             self._pressed = pressed | before & ~valid
         self._floor.learn(values, noise, valid & ~grown(grown(pressed)), bool(np.count_nonzero(pressed)))
-        return _Found(pressed, noise if np.count_nonzero(noise) else None, level if self._is_free else 0.0, halo)
+        rest = level if self._is_free else 0.0
+        return _PressedTaxels(pressed, noise if np.count_nonzero(noise) else None, rest, halo)
 
     def _is_covered(self, values: np.ndarray, valid: np.ndarray) -> bool:
         """Return True if an object may cover a small array without a unit, so that no contact stands out."""
@@ -268,7 +269,7 @@ class PatternExtractor:
         return np.zeros(shape, bool) if before is None or before.shape != shape else before
 
 
-class _Found(NamedTuple):
+class _PressedTaxels(NamedTuple):
     """The pressed taxels of a frame before they are divided into contacts."""
 
     pressed: np.ndarray              #: bool (rows, cols)

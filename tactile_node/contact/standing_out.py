@@ -94,14 +94,14 @@ def standing_out(values: np.ndarray, valid: np.ndarray, threshold: Threshold,
     """
     raised = np.where(valid, values - threshold.level, 0.0)
     ease = np.where(before, KEPT_SHARE, 1.0)
-    pressed = _found(raised, valid, threshold, ease)
+    pressed = _find_pressed(raised, valid, threshold, ease)
     halo = halo_of(raised, valid, pressed)
     if halo is not None:
-        pressed = _found(np.where(valid, raised - halo, 0.0), valid, threshold, ease)
+        pressed = _find_pressed(np.where(valid, raised - halo, 0.0), valid, threshold, ease)
     return pressed, halo
 
 
-def _found(raised: np.ndarray, valid: np.ndarray, threshold: Threshold, ease: np.ndarray) -> np.ndarray:
+def _find_pressed(raised: np.ndarray, valid: np.ndarray, threshold: Threshold, ease: np.ndarray) -> np.ndarray:
     candidates = valid & (raised > 0) & (raised >= np.maximum(NOISE_SPREADS * threshold.noise, threshold.least) * ease)
     pressed = np.zeros(raised.shape, bool)
     if np.count_nonzero(candidates):

@@ -30,7 +30,6 @@ from tactile_node.nodes.stage import Stages
 from tactile_node.nodes.stage_node import StageNode
 from tactile_node.nodes.state_publisher import DriverState, StatePublisher
 from tactile_node.ros.conditioning_setup import adjust, conditioned_pads, masks_faulty, skin_responses
-from tactile_node.ros.contact_messages import PadFrame
 from tactile_node.ros.parameters import declare, follow_changes, read, table
 from tactile_node.ros.rosout_handler import forward_logs_to, stop_forwarding_to
 from tactile_node.ros.settings import DriverSettings
@@ -173,8 +172,8 @@ class DriverNode(StageNode, LifecycleNode):
         conditioned = conditioned_pads(pads, settings, responses)
         frame_period = max(pad.layout.frame_period(settings.sync_period) for pad in pads)
         self._state.begin(f'{settings.interface} {settings.channel}', frame_period)
-        source = make_source(settings, pads, self._replayed if settings.replay else self._publish, self._stages.chain,
-                             self._make_clock(settings))
+        source = make_source(settings, pads, self._send_logged if settings.replay else self._send,
+                             self._stages.chain, self._make_clock(settings))
         outputs = {}
         for pad, frame_id in zip(pads, pad_frames(settings, pads)):
             outputs[pad.name] = output = PadOutput(
@@ -196,19 +195,18 @@ class DriverNode(StageNode, LifecycleNode):
         self._apply(read(self, DriverSettings))  # a live parameter may have been set after the settings were read above
         source.configure()
 
-    def _publish(self, pad: str, frame: TaxelFrame) -> None:
-        """Condition and publish a taxel frame of a bus, on the chain thread."""
-        output = self._pads[pad]
-        output.send(PadFrame.of(output.conditioned.feed(frame), output.taxels, output.frame_id))
+    def _send(self, pad: str, frame: TaxelFrame) -> None:
+        """Send a taxel frame of a bus, on the chain thread."""
+        self._pads[pad].send_frame(frame)
 
-    def _replayed(self, pad: str, frame: TaxelFrame) -> None:
-        """Publish a taxel frame of a log on the chain thread, while the thread of the log waits.
+    def _send_logged(self, pad: str, frame: TaxelFrame) -> None:
+        """Send a taxel frame of a log on the chain thread, while the thread of the log waits.
 
         A lossless log waits until all stages have processed the frame. Any other log waits only until the contacts are
         found. On a slow machine, newer contacts therefore overtake older ones, as with a live bus.
         """
         chain, is_lossless = self._stages.chain, self._settings is not None and self._settings.lossless
-        chain.post(self._publish, pad, frame)
+        chain.post(self._send, pad, frame)
         while self._is_playing and not chain.wait_until_idle(WAITING_PERIOD, with_postponed=is_lossless):
             pass
 

@@ -11,16 +11,16 @@ from typing import Any
 from tactile_node.chain import Step
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.steadiness import SteadinessSettings
-from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
+from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
 from tactile_node.node_graph import Role
-from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
+from tactile_node.nodes.grasp_requests import GraspRequests
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.nodes.opening_source import make_opening_source
 from tactile_node.nodes.pad_transforms import publish_pad_frames
 from tactile_node.nodes.run import run_node
 from tactile_node.nodes.stage import StageInput, Stages
 from tactile_node.nodes.stage_node import StageNode
-from tactile_node.ros.grasp_messages import grasp_message, side_result, sides_message
+from tactile_node.ros.grasp_messages import CurrentGrasp, grasp_message, side_result, sides_message
 from tactile_node.ros.message_checks import check_contact_shape
 from tactile_node.ros.parameters import declare, read
 from tactile_node.ros.settings import GraspNodeSettings
@@ -143,8 +143,8 @@ class GraspNode(StageNode):
         """Compute the grasp at the time ``now`` [s] from the shapes received so far, and publish it."""
         with self._lock:
             grasp = self._grasp_at(now)
-            self._grasps.publish(grasp.message)
-            self._grasp_sides.publish(self._sides_message, grasp.state)
+            self._grasps.publish(grasp_message, grasp)
+            self._grasp_sides.publish(sides_message, grasp)
             self._is_published = True
             if self._requests is not None:
                 self._requests.wake()
@@ -163,17 +163,9 @@ class GraspNode(StageNode):
         opening = self._opening.current()
         state = self._tracker.state(now, opening.gap)
         sides = [self._latest[side] for side in SIDES]
-        return CurrentGrasp(state, sides, partial(grasp_message, state, sides, opening, self._settings.frame,
-                                                  self._ages(), self._gripper))
-
-    def _sides_message(self, state: GraspState) -> GraspSides:
-        sides = [self._latest[side] for side in SIDES]
-        return sides_message(state, sides, self._settings.frame, self._ages())
-
-    def _ages(self) -> list[float]:
-        """Return the age of each side's latest shape [s], or inf if the side has none."""
-        now = self._steady()
-        return [now - self._latest[side].acquired for side in SIDES]
+        measured = self._steady()
+        ages = [measured - side.acquired for side in sides]
+        return CurrentGrasp(state, sides, opening, self._settings.frame, ages, self._gripper)
 
 
 def main() -> int:

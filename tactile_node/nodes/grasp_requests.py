@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
@@ -13,13 +12,11 @@ from rclpy.node import Node
 from tactile_node.code_names import name_of
 from tactile_node.errors import RefusedRequirementError, RequirementRefusal
 from tactile_node.grasp.requirement import NO_SHAPES, Missing, Requirement, SideShape, missing
-from tactile_node.grasp.tracker import GraspState
+from tactile_node.ros.grasp_messages import CurrentGrasp, grasp_message
 from tactile_node.ros.message_health import several_text
 from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.requirement_messages import requirement_of, state_message, timeout_of
-from tactile_node.ros.shape_messages import PadShape
 from tactile_skin.action import WaitForGrasp
-from tactile_skin.msg import Grasp
 from tactile_skin.srv import CheckGrasp
 
 #: Time between two checks of the waiting goals [s]. The goals are also checked at each published grasp.
@@ -29,19 +26,6 @@ FEEDBACK_PERIOD = 0.5  #: Time after which unchanged feedback is published again
 MOST_GOALS = 10
 #: Time for which the server keeps a result that the client has not yet requested [s]. An older result is out of date.
 RESULT_TIMEOUT = 2
-
-
-class CurrentGrasp(NamedTuple):
-    """The grasp at one moment, with functions to evaluate and publish it."""
-
-    state: GraspState
-    sides: Sequence[PadShape]  #: latest shapes of the left and the right pad
-    message: Callable[[], Grasp]  #: creates the message for this grasp
-
-    def missing(self, requirement: Requirement) -> tuple[Missing, ...]:
-        """Return the conditions of ``requirement`` that the grasp does not meet."""
-        left, right = (SideShape(side.class_name, side.confidence) for side in self.sides)
-        return missing(requirement, self.state, (left, right))
 
 
 @dataclass
@@ -97,7 +81,7 @@ class GraspRequests:
         """Check the waiting goals against the present grasp."""
         current, now = self._current(), self._steady()
         for goal in tuple(self._goals):
-            found = current.missing(goal.requirement)
+            found = missing_of(current, goal.requirement)
             if not found or now >= goal.deadline or goal.handle.is_cancel_requested:
                 self._goals.remove(goal)
                 goal.handle.execute(lambda handle, goal=goal: self._finish(goal))
@@ -136,12 +120,12 @@ class GraspRequests:
     def _finish(self, goal: _WaitingGoal) -> WaitForGrasp.Result:
         """Reply with the current grasp, because the grasp may have changed since ``look`` if the executor was busy."""
         current, handle, result = self._current(), goal.handle, WaitForGrasp.Result()
-        found = current.missing(goal.requirement)
+        found = missing_of(current, goal.requirement)
         if handle.is_cancel_requested:
             outcome = result.CANCELED
             handle.canceled()
         elif not found:
-            outcome, result.grasp = result.HELD, current.message()
+            outcome, result.grasp = result.HELD, grasp_message(current)
             handle.succeed()
         else:
             outcome = result.LOST if self._steady() < goal.deadline else result.TIMED_OUT
@@ -156,10 +140,10 @@ class GraspRequests:
             self._fill(response, response.REFUSED, refused=error)
             return response
         current = self._current()
-        found = current.missing(requirement)
+        found = missing_of(current, requirement)
         self._fill(response, response.NOT_HELD if found else response.HELD, found)
         if not found:
-            response.grasp = current.message()
+            response.grasp = grasp_message(current)
         return response
 
     def _requirement(self, message: object) -> Requirement:
@@ -189,6 +173,12 @@ class GraspRequests:
         several = several_text(topic, publishers) if len(publishers) > 1 else ''
         answer.message = '; '.join(filter(None, (
             name_of(type(answer), 'outcome', outcome) + (f': {reason}' if reason else ''), several)))
+
+
+def missing_of(grasp: CurrentGrasp, requirement: Requirement) -> tuple[Missing, ...]:
+    """Return the conditions of ``requirement`` that the grasp does not meet."""
+    left, right = (SideShape(side.class_name, side.confidence) for side in grasp.sides)
+    return missing(requirement, grasp.state, (left, right))
 
 
 def allow_feedback(handle: ServerGoalHandle) -> None:

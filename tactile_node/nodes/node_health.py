@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_node.nodes.guarded_subscription import GuardedSubscription
+from tactile_node.nodes.guarded_input import GuardedInput
 from tactile_node.nodes.ticker import Ticker
 from tactile_node.ros.message_age import use_stamps
 from tactile_node.ros.message_health import (
@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 
 
 class MessageHealth:
-    """Publishes the health of a node's subscriptions on /diagnostics for as long as the node exists.
+    """Publishes the health of a node's inputs on /diagnostics for as long as the node exists.
 
     The message stamps are compared with the clock of this host, unless the time is simulated or comes from a lossless
     replay.
@@ -36,23 +36,23 @@ class MessageHealth:
     ----------
     node : Node
         Node whose health is published.
-    subscriptions : sequence of GuardedSubscription
+    inputs : sequence of GuardedInput
         Inputs of the node.
     settings : ReceiverSettings
         Settings of the node.
     """
 
-    def __init__(self, node: Node, subscriptions: Sequence[GuardedSubscription[Any]], settings: ReceiverSettings):
+    def __init__(self, node: Node, inputs: Sequence[GuardedInput[Any]], settings: ReceiverSettings):
         self._node = node
         self._max_clock_offset = settings.max_clock_offset if use_stamps(node, settings) else math.inf
-        self._subscriptions = tuple(subscriptions)
-        self._before = {subscription.topic: subscription.counts for subscription in subscriptions}
+        self._inputs = tuple(inputs)
+        self._before = {each.topic: each.counts for each in inputs}
         self._at = time.monotonic()
         self._of_several: set[str] = set()  # topics that were already reported
         publish_status(node, self._status)
 
     def _status(self) -> DiagnosticStatus:
-        now, at = {subscription.topic: subscription.health for subscription in self._subscriptions}, time.monotonic()
+        now, at = {each.topic: each.health for each in self._inputs}, time.monotonic()
         status = health_status(self._node.get_fully_qualified_name(), now, self._before, at - self._at,
                                self._max_clock_offset)
         self._log_several(now)

@@ -13,13 +13,14 @@ from tactile_node.ros.contact_messages import PadFrame, taxel_array_message
 from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.settings import DriverSettings
 from tactile_node.skin.pads import PadSettings
+from tactile_node.taxel_frame import TaxelFrame
 from tactile_skin.msg import TaxelArray
 
 LOOK_PERIOD = 1.0  #: Time between two checks for other publishers [s].
 
 
 class PadOutput(StageOutput[PadFrame]):
-    """Publishes the taxel frames of one pad on `<pad>/taxels`, and knows the condition of the pad.
+    """Conditions the taxel frames of one pad, sends them on `<pad>/taxels`, and knows the condition of the pad.
 
     Parameters
     ----------
@@ -45,10 +46,14 @@ class PadOutput(StageOutput[PadFrame]):
         self.conditioned = conditioned
         self._is_mirrored = pad.layout.is_mirrored
         self.unit = pad.layout.value.unit
-        self.taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
-        self.frame_id = frame_id
+        self._taxels = Taxels(pad.layout.pitch, self.unit, layer, pad.layout.finger_ends)
+        self._frame_id = frame_id
         self._others: tuple[str, ...] = ()
         self._looked = -math.inf
+
+    def send_frame(self, frame: TaxelFrame) -> None:
+        """Condition a taxel frame of the pad and send it, on the chain thread."""
+        self.send(PadFrame.of(self.conditioned.feed(frame), self._taxels, self._frame_id))
 
     @property
     def condition(self) -> PadCondition:

@@ -53,9 +53,8 @@ class ProcessorNode(StageNode):
         self._features = OnDemandPublisher(self, ContactFeatures, 'features', settings.qos, lossless=settings.lossless)
         self._views = TaxelViews(self, self._settings.queue_depth, self._settings.full_scale)
         self._taxels = StageInput(self, TaxelArray, 'taxels', self.accept, self._settings, check=check_taxel_array,
-                                  parse=pad_frame_of, stages=self._stages,
-                                  step=Step.FIND, most_waiting=MOST_WAITING)
-        self._taxels.sends_on = self._contacts.topic  # read by `Stages.is_complete`, for a lossless replay
+                                  parse=pad_frame_of, stages=self._stages, step=Step.FIND,
+                                  most_waiting=MOST_WAITING, sends_on=self._contacts.topic)
         self.begin_stage(settings, [self._taxels], self._contacts)
         follow_changes(self, ProcessorSettings, check, lambda changed: self._stages.chain.post(self._apply, changed))
 

@@ -2,19 +2,21 @@
 
 The driver, the processors, the classifiers and the grasp node are stages. A `StageOutput` is an `OnDemandPublisher`. If
 the next stage runs in the same process, the output also calls the `StageInput` of that stage, on the chain thread. A
-`StageInput` is a `GuardedSubscription`. It posts each message from the topic to the chain of its own process.
+`StageInput` is a `GuardedInput`. It posts each message from the topic to the chain of its own process.
 """
 
 import math
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 
 from tactile_node.chain import Chain, Step
-from tactile_node.nodes.guarded_subscription import FrameKey, GuardedSubscription, frame_key
+from tactile_node.nodes.guarded_input import FrameKey, GuardedInput, frame_key
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
 from tactile_node.ros.message_age import age_since
 from tactile_node.ros.message_checks import Check, Message
@@ -90,10 +92,10 @@ class StageOutput(OnDemandPublisher[Any], Generic[Result]):
         self._make, self._stages = make, stages
 
     def send(self, result: Result) -> None:
-        """Publish a result and pass it on, on the chain thread.
+        """Publish a result if the topic has a subscriber, and pass it on, on the chain thread.
 
-        If publishing raises an exception, the next stage still gets the result, and the caller gets the exception and
-        counts it.
+        In a lossless replay, publish every result. If publishing raises an exception, the next stage still gets the
+        result, and the caller gets the exception and counts it.
         """
         try:
             self.publish(self._message, result)
@@ -114,7 +116,7 @@ class StageOutput(OnDemandPublisher[Any], Generic[Result]):
         return message
 
 
-class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
+class StageInput(GuardedInput[Message], Generic[Message, Result]):
     """Input of a stage, which receives results from a stage of the same process or messages from a topic.
 
     Both wait for their turn on the chain. The input subscribes to the topic unless a stage of this process is its only
@@ -146,19 +148,18 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
     most_waiting : int
         Number of results that may wait for ``step``. A newer result takes the place of the oldest one, which then
         counts as overtaken. In a lossless replay, ``accept`` gets all results.
+    sends_on : str or None
+        Topic of this stage's results, or None for the last stage of a pad. `Stages.is_complete` reads the topic.
     steady : callable
         Steady clock [s].
-
-    Attributes
-    ----------
-    sends_on : str or None
-        Topic of this stage's results, or None for the last stage of a pad.
     """
 
     def __init__(self, node: Node, kind: type[Message], topic: str, accept: Callable[[Result], None],
                  settings: ReceiverSettings, *, check: Check[Message], parse: Callable[[Message, float], Result],
-                 stages: Stages, step: Step | None = None, most_waiting: int = 1,
+                 stages: Stages, step: Step | None = None, most_waiting: int = 1, sends_on: str | None = None,
                  steady: Callable[[], float] = time.monotonic):
+        super().__init__(node, kind, topic, check=check, lossless=settings.lossless, steady=steady)
+        self._accept = accept
         self._parse = parse
         self._stages = stages
         self._step = step
@@ -171,8 +172,9 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
         self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
-        self.sends_on: str | None = None
-        super().__init__(node, kind, topic, accept, qos, check=check, lossless=settings.lossless, steady=steady)
+        self.sends_on = sends_on
+        self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
+        self._subscription: Subscription | None = self._subscribe()
         stages.add(self)
 
     @property
@@ -204,7 +206,8 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     def end(self) -> None:
         """Accept no further results, because the node is ending."""
-        self.destroy()
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
         self._arrived.clear()
         self._stages.remove(self)
 
@@ -221,7 +224,7 @@ class StageInput(GuardedSubscription[Message], Generic[Message, Result]):
 
     def _process_next(self) -> None:
         if self._waiting:
-            self.process(self._waiting.popleft())
+            self.process(self._accept, self._waiting.popleft())
 
     def _on_message(self, message: Message) -> None:
         self._arrived.append(message)

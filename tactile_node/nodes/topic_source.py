@@ -15,7 +15,8 @@ from rclpy.signals import SignalHandlerOptions
 from tactile_node.errors import ConfigurationError
 from tactile_node.grasp.tracker import GraspContact
 from tactile_node.node_graph import NODE_NAMES, Role
-from tactile_node.nodes.guarded_subscription import FrameKey, GuardedSubscription, frame_key
+from tactile_node.nodes.guarded_input import FrameKey, frame_key
+from tactile_node.nodes.guarded_subscription import GuardedSubscription
 from tactile_node.nodes.spinner import Spinner
 from tactile_node.ros.contact_messages import pad_frame_of
 from tactile_node.ros.grasp_checks import check_grasp

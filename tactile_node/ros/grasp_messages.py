@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from std_msgs.msg import Header
@@ -22,6 +22,17 @@ from tactile_skin.msg import ContactShape, Grasp, GraspSides
 #: Fraction of hidden taxels, in a contact or in the ring around the contact, above which the contact counts as largely
 #: hidden. A pad with 3 % dead taxels stays below this fraction.
 MOST_HIDDEN = 0.25
+
+
+class CurrentGrasp(NamedTuple):
+    """The grasp at one moment, with everything that its messages state."""
+
+    state: GraspState           #: state that the grasp tracker reports
+    sides: Sequence[PadShape]   #: latest shapes on the left and the right pad
+    opening: Opening            #: opening of the gripper
+    frame_id: str               #: frame of the gripper
+    ages: Sequence[float]       #: ages of the two shapes [s]; inf if not known
+    gripper: Gripper            #: geometry of the gripper
 
 
 def side_result(shape: PadShape, time: float) -> SideResult:
@@ -92,49 +103,34 @@ def _face_fit(shape: PadShape) -> FaceFit | None:
                    tuple(shape.dimension_names), tuple(shape.dimensions), sds, tuple(shape.dimension_is_bound))
 
 
-def grasp_message(state: GraspState, sides: Sequence[PadShape], opening: Opening, frame_id: str,
-                  ages: Sequence[float], gripper: Gripper) -> Grasp:
+def grasp_message(grasp: CurrentGrasp) -> Grasp:
     """Return the grasp as a message.
 
     Stamp and age come from the older of the two pad results. A receiver uses the stamp and the age to compute how long
     the message was delayed.
-
-    Parameters
-    ----------
-    state
-        State that the grasp tracker reports.
-    sides
-        Latest shapes on the left and the right pad.
-    opening
-        Opening of the gripper.
-    frame_id
-        Frame of the gripper.
-    ages
-        Ages of the two shapes [s]; inf if not known.
-    gripper
-        Geometry of the gripper.
     """
+    state, opening = grasp.state, grasp.opening
     words = state.contact.name, 'fresh' if state.fresh else 'not fresh', 'stable' if state.stable else 'not stable'
     message = Grasp(
-        **_dated(state, sides, frame_id, ages), message=', '.join(words), contact=int(state.contact), fresh=state.fresh,
-        gap=opening.gap, gap_source=int(opening.source), gap_age=age_message(opening.age), same_shape=state.same_shape,
+        **_dated(grasp), message=', '.join(words), contact=int(state.contact), fresh=state.fresh, gap=opening.gap,
+        gap_source=int(opening.source), gap_age=age_message(opening.age), same_shape=state.same_shape,
         stable=state.stable, held=duration_message(state.held), creep=state.creep, line_is_bound=state.line_is_bound)
     _add_line(message, state.line)
     is_held = state.fresh and state.contact is GraspContact.TWO_SIDED
-    left, right = sides
-    _add_object(message, held_object(face_of(left), face_of(right), gripper) if is_held else HeldObject())
-    _add_sides(message, state, sides, ages)
+    left, right = grasp.sides
+    _add_object(message, held_object(face_of(left), face_of(right), grasp.gripper) if is_held else HeldObject())
+    _add_sides(message, grasp)
     return message
 
 
-def sides_message(state: GraspState, sides: Sequence[PadShape], frame_id: str, ages: Sequence[float]) -> GraspSides:
-    """Return the GraspSides message for the Grasp that `grasp_message` returns for the same arguments."""
-    return GraspSides(**_dated(state, sides, frame_id, ages), sides=[side.message for side in sides])
+def sides_message(grasp: CurrentGrasp) -> GraspSides:
+    """Return the shapes on both sides of the grasp as a message, with the stamp and the age of `grasp_message`."""
+    return GraspSides(**_dated(grasp), sides=[side.message for side in grasp.sides])
 
 
-def _dated(state: GraspState, sides: Sequence[PadShape], frame_id: str, ages: Sequence[float]) -> dict[str, Any]:
-    return {'header': Header(stamp=_older(sides, ages).header.stamp, frame_id=frame_id), 'age': age_message(max(ages)),
-            'side_states': [int(each) for each in state.side_states]}
+def _dated(grasp: CurrentGrasp) -> dict[str, Any]:
+    return {'header': Header(stamp=_older(grasp.sides, grasp.ages).header.stamp, frame_id=grasp.frame_id),
+            'age': age_message(max(grasp.ages)), 'side_states': [int(each) for each in grasp.state.side_states]}
 
 
 def _older(sides: Sequence[PadShape], ages: Sequence[float]) -> PadShape:
@@ -162,9 +158,10 @@ def _add_object(message: Grasp, held: HeldObject) -> None:
     message.confidence = single(held.confidence)
 
 
-def _add_sides(message: Grasp, state: GraspState, sides: Sequence[PadShape], ages: Sequence[float]) -> None:
+def _add_sides(message: Grasp, grasp: CurrentGrasp) -> None:
+    states, sides = grasp.state.side_states, grasp.sides
     message.forces = [side.pad_force if each >= SideState.EMPTY else math.nan
-                      for each, side in zip(state.side_states, sides)]
+                      for each, side in zip(states, sides)]
     message.force_is_bound = [side.pad_force_is_bound for side in sides]
     message.sequences = [side.sequence for side in sides]
     message.confidences = [side.confidence for side in sides]
@@ -173,4 +170,4 @@ def _add_sides(message: Grasp, state: GraspState, sides: Sequence[PadShape], age
     message.hidden_taxels = [side.hidden_taxels + side.hidden_ring_taxels for side in sides]
     message.saturated_taxels = [side.saturated_taxels + side.saturated_ring_taxels for side in sides]
     message.motions = [current_motion(side.motion, age, each >= SideState.EMPTY)
-                       for each, side, age in zip(state.side_states, sides, ages)]
+                       for each, side, age in zip(states, sides, grasp.ages)]

@@ -1,12 +1,10 @@
 """Convert the payloads of a pad's TPDOs or DOMAIN into taxel values and back, for all taxels at once."""
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from tactile_node.cia301.objects import MAX_PDO_BYTES
-from tactile_node.skin.layout import DomainLayout, SkinLayout, TpdoLayout
-from tactile_node.taxel_frame import TaxelFrame, TaxelStatus, read_only
+from tactile_node.skin.layout import SkinLayout
+from tactile_node.taxel_frame import TaxelStatus, read_only
 
 # NumPy handles its own scalars several times faster than members of an enumeration.
 VALID = np.uint8(TaxelStatus.VALID)
@@ -108,13 +106,3 @@ class TaxelCodec:
         payload = np.zeros(self.payload_bytes + 8, np.uint8)
         np.bitwise_or.at(payload, self._first[:, np.newaxis] + np.arange(8), parts)
         return payload[:-8].tobytes()
-
-
-def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
-    """Return the frame with NaN and STALE for all taxels in ``carriers``, whose values cannot be trusted."""
-    untrusted, missing = np.zeros(frame.values.shape, bool), frame.missing_can_frames
-    for carrier in carriers:
-        taxels = tuple(np.array([(field.row, field.col) for field in carrier.taxels], np.intp).reshape(-1, 2).T)
-        missing += bool(frame.has_value[taxels].any())
-        untrusted[taxels] = True
-    return frame.without(untrusted & frame.has_value)._replace(missing_can_frames=missing)

@@ -19,7 +19,6 @@ from tactile_node.logs.log_reader import SET_BACK, CanLogReader
 from tactile_node.logs.logged_set_up import HeardNodes, LoggedSetUp
 from tactile_node.logs.replay_times import WHOLE, PlayedTimes, RecordedPace, TimeWindow
 from tactile_node.skin.pads import PadSettings, check_pads, identities_of
-from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.threads import StoppableThread
 
 logger = logging.getLogger(__name__)
@@ -78,8 +77,9 @@ class LogSource:
         check_pads(pads)
         self._path = path
         self._pace = pace
-        self._on_frame = on_frame
-        self._router = Router(tuple(pads), self._deliver, drop_incomplete=drop_incomplete)
+        # a taxel frame counts as acquired when its stamp was played
+        self._played = PlayedTimes()
+        self._router = Router(tuple(pads), on_frame, self._played.time_of, drop_incomplete=drop_incomplete)
         self.reader = CanLogReader(path, channel, window)
         self._messages: Iterator[can.Message] | None = None
         self.heard = HeardNodes(pads)
@@ -90,7 +90,6 @@ class LogSource:
         self._jumps = 0  # number of times that the clock was set back during recording
         self._ahead = 0.0  # offset of the played stamps from the log's clock [s]
         self._is_active = False
-        self._played = PlayedTimes()
         self._on_message = on_message
         self.failure: Failure | None = None
 
@@ -207,10 +206,6 @@ class LogSource:
                            ', '.join(map(str, strangers)))
         self.finished.set()
         logger.info('The log %s has ended: %s', self._path, self.reader.summary)
-
-    def _deliver(self, name: str, frame: TaxelFrame) -> None:
-        """Deliver a taxel frame as if it had been acquired when its stamp was played."""
-        self._on_frame(name, frame._replace(acquired=self._played.time_of(frame.stamp)))
 
     def _check(self, message: can.Message) -> None:
         """Raise LogError for a second bus or a contradiction.

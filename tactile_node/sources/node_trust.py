@@ -1,13 +1,15 @@
 """Decide when the TPDOs of a node match the layout, and remove the other values of the node from its taxel frames."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from tactile_node.assembly.health import NodeFault
+from tactile_node.assembly.router import OnFrame
 from tactile_node.bus.bus_monitor import BusMonitor
 from tactile_node.skin.layout import DomainLayout, TpdoLayout
 from tactile_node.skin.pads import CanopenNode
-from tactile_node.skin.taxel_codec import without_values
 from tactile_node.sources.sender_watch import SenderWatch
 from tactile_node.taxel_frame import TaxelFrame
 
@@ -106,3 +108,32 @@ class NodeTrust:
             return () if frame.acquired >= self._trusted_from else carriers
         return [carrier for carrier in carriers
                 if carrier.taxels and frame.acquired - ages.of(*carrier.taxels[0][:2]) < self._trusted_from]
+
+
+def deliver_trusted(trusts: Mapping[str, Sequence[NodeTrust]], on_frame: OnFrame, pad: str, frame: TaxelFrame) -> None:
+    """Call ``on_frame`` with a taxel frame that contains only trusted values.
+
+    Parameters
+    ----------
+    trusts : mapping of str to sequence of NodeTrust
+        The trust in each node of each pad, by the name of the pad.
+    on_frame : callable
+        Function that is called with the name of the pad and the frame.
+    pad : str
+        Name of the pad.
+    frame : TaxelFrame
+        Assembled taxel frame of the pad.
+    """
+    for trust in trusts[pad]:
+        frame = trust.only_trusted(frame)
+    on_frame(pad, frame)
+
+
+def without_values(frame: TaxelFrame, carriers: Iterable[TpdoLayout | DomainLayout]) -> TaxelFrame:
+    """Return the frame with NaN and STALE for all taxels in ``carriers``, whose values cannot be trusted."""
+    untrusted, missing = np.zeros(frame.values.shape, bool), frame.missing_can_frames
+    for carrier in carriers:
+        taxels = tuple(np.array([(field.row, field.col) for field in carrier.taxels], np.intp).reshape(-1, 2).T)
+        missing += bool(frame.has_value[taxels].any())
+        untrusted[taxels] = True
+    return frame.without(untrusted & frame.has_value)._replace(missing_can_frames=missing)

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import TypeVar
 
 from tactile_node.assembly.facts import BusFacts
@@ -27,8 +28,8 @@ from tactile_node.skin.pads import LivePad
 from tactile_node.sources.bus_watch import BusWatch
 from tactile_node.sources.node_monitor import NodeMonitor
 from tactile_node.sources.node_state import NodeEvent, Retries
+from tactile_node.sources.node_trust import deliver_trusted
 from tactile_node.sources.supervised_node import SupervisedNode
-from tactile_node.taxel_frame import TaxelFrame
 from tactile_node.threads import ReportedThread
 
 logger = logging.getLogger(__name__)
@@ -64,17 +65,18 @@ class Supervisor:
     def __init__(self, settings: BusSettings, pads: tuple[LivePad, ...], on_frame: OnFrame,
                  recover: bool = True, heartbeat_timeout: float = 0.5, chain: Chain | None = None):
         self._settings = settings
-        self._on_frame = on_frame
         self._recover = recover
         self._wake = threading.Event()
         self._closing = threading.Event()
         self._turn = threading.RLock()
         self.bus_monitor = BusMonitor([node_id for pad in pads for node_id in pad.node_ids], self._wake.set)
-        self._bus = SkinBus(settings, pads, self._deliver_trusted, monitor=self.bus_monitor,
-                            on_failure=self._bus_failed if recover else None, chain=chain)
         timeouts = self._timeouts(heartbeat_timeout)
-        self._by_pad = {pad.name: [SupervisedNode(self._bus, NodeMonitor(node, self.bus_monitor, *timeouts), recover)
-                                   for node in pad.nodes] for pad in pads}
+        monitors = {pad.name: [NodeMonitor(node, self.bus_monitor, *timeouts) for node in pad.nodes] for pad in pads}
+        trusts = {pad: [monitor.trust for monitor in of_pad] for pad, of_pad in monitors.items()}
+        self._bus = SkinBus(settings, pads, partial(deliver_trusted, trusts, on_frame), monitor=self.bus_monitor,
+                            on_failure=self._bus_failed if recover else None, chain=chain)
+        self._by_pad = {pad: [SupervisedNode(self._bus, monitor, recover) for monitor in of_pad]
+                        for pad, of_pad in monitors.items()}
         self._nodes = [node for nodes in self._by_pad.values() for node in nodes]
         self._watch = BusWatch(settings, pads, self.bus_monitor, self._bus.queue.chain.post, data_timeout=timeouts[1])
         self._outages: Outages[Failure] = Outages()  # outages of the bus
@@ -263,12 +265,6 @@ class Supervisor:
             return
         for node in self._nodes:
             node.monitor.expect(time.monotonic())
-
-    def _deliver_trusted(self, name: str, frame: TaxelFrame) -> None:
-        frame = frame._replace(acquired=self._bus.queue.clock.acquired(frame.stamp))
-        for node in self._by_pad[name]:
-            frame = node.monitor.trust.only_trusted(frame)
-        self._on_frame(name, frame)
 
 
 def _at_once(nodes: Sequence[SupervisedNode], act: Callable[[SupervisedNode], Result]) -> list[Result]:
