@@ -5,6 +5,7 @@ reporting their opening.
 """
 
 import copy
+import itertools
 import math
 from functools import partial
 
@@ -129,6 +130,17 @@ def test_a_grasp_says_what_is_held_and_its_sides_are_made_while_subscribed_to(ma
     gripper.run_until(lambda grasp: heard, 'its sides')
     assert [side.class_name for side in heard[-1].sides] == ['square', 'square']
     assert list(heard[-1].side_states) == [Grasp.SIDE_TOUCHED] * 2 and heard[-1].header.frame_id == 'gripper'
+
+
+def test_both_messages_of_a_grasp_have_the_same_age(make_gripper, monkeypatch):
+    gripper, heard = make_gripper(), []
+    gripper.add('reader').create_subscription(GraspSides, '/grasp_sides', heard.append, 10)
+    gripper.run_until(lambda grasp: heard and grasp.fresh, 'its sides')
+    readings = itertools.count()
+    monkeypatch.setattr(gripper.node, '_steady', lambda: gripper.steady() + 0.001 * next(readings))
+    gripper.run(PERIOD)
+    assert heard[-1].header == gripper.latest.header and next(readings) > 1
+    assert heard[-1].age == gripper.latest.age
 
 
 @pytest.mark.parametrize('age, grasps', [(AGE, 1), (math.inf, 2)], ids=['age known', 'age unknown'])

@@ -23,7 +23,7 @@ from tactile_node.ros.message_age import age_seconds
 from tactile_node.ros.requirement_messages import requirement_of, timeout_of
 from tactile_node.ros.time_messages import duration_message
 from tactile_skin.action import WaitForGrasp
-from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, RequirementState
+from tactile_skin.msg import ContactShape, Grasp, GraspRequirement, GraspSides, RequirementState
 from tactile_skin.srv import CheckGrasp
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
@@ -267,7 +267,7 @@ def test_a_grasp_that_is_lost_before_the_answer_leaves_is_not_reported_as_held(p
     looks = [held, held]
     sides = [ContactShape(), ContactShape()]
     node = rclpy.create_node('brief')
-    requests = GraspRequests(node, lambda: CurrentGrasp(looks.pop() if looks else unseen, sides, Grasp))
+    requests = GraspRequests(node, lambda: CurrentGrasp(looks.pop() if looks else unseen, sides, Grasp, GraspSides))
     planner.gripper.executor.add_node(node)
     client = ActionClient(node, WaitForGrasp, '/brief/wait_for_grasp')
     planner.gripper.until_joined(client.server_is_ready)

@@ -11,7 +11,7 @@ from typing import Any
 from tactile_node.chain import Step
 from tactile_node.grasp.gripper import Gripper, PadPose
 from tactile_node.grasp.steadiness import SteadinessSettings
-from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspState, GraspTracker
+from tactile_node.grasp.tracker import SIDES, GraspSettings, GraspTracker
 from tactile_node.node_graph import Role
 from tactile_node.nodes.grasp_requests import CurrentGrasp, GraspRequests
 from tactile_node.nodes.on_demand_publisher import OnDemandPublisher
@@ -144,7 +144,7 @@ class GraspNode(StageNode):
         with self._lock:
             grasp = self._grasp_at(now)
             self._grasps.publish(grasp.message)
-            self._grasp_sides.publish(self._sides_message, grasp.state)
+            self._grasp_sides.publish(grasp.sides_message)
             self._is_published = True
             if self._requests is not None:
                 self._requests.wake()
@@ -162,13 +162,11 @@ class GraspNode(StageNode):
     def _grasp_at(self, now: float) -> CurrentGrasp:
         opening = self._opening.current()
         state = self._tracker.state(now, opening.gap)
-        sides = [self._latest[side] for side in SIDES]
-        return CurrentGrasp(state, sides, partial(grasp_message, state, sides, opening, self._settings.frame,
-                                                  self._ages(), self._gripper))
-
-    def _sides_message(self, state: GraspState) -> GraspSides:
-        sides = [self._latest[side] for side in SIDES]
-        return sides_message(state, sides, self._settings.frame, self._ages())
+        sides, ages = [self._latest[side] for side in SIDES], self._ages()
+        return CurrentGrasp(
+            state, sides,
+            partial(grasp_message, state, sides, opening, self._settings.frame, ages, self._gripper),
+            partial(sides_message, state, sides, self._settings.frame, ages))
 
     def _ages(self) -> list[float]:
         """Return the age of each side's latest shape [s], or inf if the side has none."""

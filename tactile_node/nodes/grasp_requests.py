@@ -19,7 +19,7 @@ from tactile_node.ros.publishers import publisher_names
 from tactile_node.ros.requirement_messages import requirement_of, state_message, timeout_of
 from tactile_node.ros.shape_messages import PadShape
 from tactile_skin.action import WaitForGrasp
-from tactile_skin.msg import Grasp
+from tactile_skin.msg import Grasp, GraspSides
 from tactile_skin.srv import CheckGrasp
 
 #: Time between two checks of the waiting goals [s]. The goals are also checked at each published grasp.
@@ -37,6 +37,7 @@ class CurrentGrasp(NamedTuple):
     state: GraspState
     sides: Sequence[PadShape]  #: latest shapes of the left and the right pad
     message: Callable[[], Grasp]  #: creates the message for this grasp
+    sides_message: Callable[[], GraspSides]  #: creates the message with both sides, with the same age
 
     def missing(self, requirement: Requirement) -> tuple[Missing, ...]:
         """Return the conditions of ``requirement`` that the grasp does not meet."""
