@@ -275,6 +275,17 @@ def test_the_object_of_a_grasp_follows_from_both_pads():
     assert list(grasp.pads_seen) == [True, True] and list(grasp.at_edge) == [False, False]
 
 
+def test_the_deviation_of_the_grip_force_counts_all_contacts_of_a_pad():
+    """Equally noisy taxels add their variances, so four times the area has twice the standard deviation."""
+    left, right = shape(block(6, 6), Shape.SQUARE), shape(block(6, 6), Shape.SQUARE)
+    left.force_sd = right.force_sd = 0.02
+    left.contacts, left.others_present = 4, True
+    left.contact_areas = 4 * list(left.contact_areas)
+    grasp = grasp_of(left, right)
+    assert check_contact_shape(left) is None
+    assert grasp.grip_force_sd == pytest.approx(math.hypot(0.04, 0.02) / 2)
+
+
 def test_the_sides_of_a_grasp_are_a_message_of_their_own():
     sides = [shape(block(4, 9), Shape.RECTANGLE), shape(block(6, 6), Shape.SQUARE)]
     sides[1].header.stamp.nanosec += 1
