@@ -121,7 +121,7 @@ class PadShape:
             pad_seen=seen.pad_seen, taxels=taxels, hidden_taxels=seen.hidden_in_contact,
             saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
             saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge, contacts=pattern.contacts,
-            contact_areas=contact_areas, pitch=_pitch_of(contact_areas, taxels),
+            contact_areas=contact_areas, pitch=_pitch_of(contact_areas, max(pattern.sizes, default=0)),
             force=moments.force, force_sd=moments.force_sd, pad_force=pad_force, pad_force_is_bound=pad_force_is_bound,
             centre_of_pressure=moments.centre_of_pressure,
             centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
@@ -148,7 +148,7 @@ def pad_shape_of(message: ContactShape, acquired: float = -math.inf) -> PadShape
 
 
 def contact_pitch(message: ContactShape) -> float:
-    """Return the pitch of the pad [m], or 0 if there is no contact."""
+    """Return the pitch of the pad [m], or 0 if there is no contact. ``message`` describes the largest contact."""
     return _pitch_of(message.contact_areas, message.taxels) if message.contacts else 0.0
 
 
@@ -169,9 +169,9 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
-def _pitch_of(contact_areas: Sequence[float], taxels: int) -> float:
-    """Return the pitch from the areas of all contacts and the number of taxels of the largest one."""
-    return math.sqrt(contact_areas[0] / taxels) if taxels and contact_areas else 0.0
+def _pitch_of(contact_areas: Sequence[float], largest: int) -> float:
+    """Return the pitch from the areas of all contacts and the number of taxels of the ``largest`` one."""
+    return math.sqrt(contact_areas[0] / largest) if largest and contact_areas else 0.0
 
 
 def _turn(fit: ShapeFit) -> tuple[float, float]:
