@@ -33,8 +33,8 @@ class Chain:
     """A thread that runs posted calls in order, and takes turns between them and postponed steps.
 
     In each turn, the chain runs the posted calls that are waiting, then every FIND, and then the RECOGNISE, COMBINE or
-    SHOW with the oldest taxels. Calls that are posted in the meantime wait for the next turn. A slow machine therefore assembles every frame, and a flood of
-    frames cannot stop the recognition.
+    SHOW with the oldest taxels. Calls that are posted in the meantime wait for the next turn. A slow machine therefore
+    assembles every frame, and a flood of frames cannot stop the recognition.
 
     A call that raises an exception is logged with its traceback. The chain then continues with the next call.
 
