@@ -30,11 +30,11 @@ class Step(IntEnum):
 
 
 class Chain:
-    """A thread that runs posted calls in order, and postponed steps while no posted call is waiting.
+    """A thread that runs posted calls in order, and takes turns between them and postponed steps.
 
-    The chain works in turns. In each turn, it runs the posted calls that are waiting, then every FIND, and then the
-    RECOGNISE, COMBINE or SHOW with the oldest taxels. A slow machine therefore assembles every frame, and a flood of
-    frames cannot stop the recognition.
+    In each turn, the chain runs the posted calls that are waiting, then every FIND, and then the RECOGNISE, COMBINE or
+    SHOW with the oldest taxels. Calls that are posted in the meantime wait for the next turn. A slow machine therefore
+    assembles every frame, and a flood of frames cannot stop the recognition.
 
     A call that raises an exception is logged with its traceback. The chain then continues with the next call.
 
@@ -99,7 +99,7 @@ class Chain:
         self._calls.put((call, args))
 
     def postpone(self, step: Step, acquired: float, call: Callable[..., object], *args: object) -> None:
-        """Run a call in a later step of the turn. Only the chain thread may postpone.
+        """Run a call in a later step of this turn or of a later turn. Only the chain thread may postpone.
 
         The calls for the oldest taxels run first. The shapes of all pads for one SYNC therefore come before the COMBINE
         and the SHOW of these pads, which come before the shapes for the next SYNC.

@@ -5,6 +5,7 @@ reporting their opening.
 """
 
 import copy
+import itertools
 import math
 from functools import partial
 
@@ -87,6 +88,23 @@ class Gripper(TimedBench):
                 self.publish(side, self.message(side, (shapes or {}).get(side)))
             self.wait(PERIOD)
 
+    def feed(self, seconds: float, sides=BOTH) -> None:
+        """Pass one shape of each of ``sides`` per PERIOD by function calls, as a classifier of this process does."""
+        for _ in range(round(seconds / PERIOD)):
+            self._sequence += 1
+            shapes = {side: pad_shape_of(copy.deepcopy(self.message(side)), self.steady() - AGE) for side in sides}
+            self.node._stages.chain.post(self._feed_each, shapes)
+            self.settle()
+            self.wait(PERIOD)
+
+    def _feed_each(self, shapes) -> None:
+        for side, shape in shapes.items():
+            self.node._shapes[side].feed(shape)
+
+    def set_clocks(self, step: float) -> None:
+        """Set the wall clocks of both sides forward by ``step`` [s], or back if it is negative."""
+        self._offsets = {side: offset + step for side, offset in self._offsets.items()}
+
     def run_until(self, condition, what: str, **given) -> None:
         end = self.steady() + TIMEOUT
         while not (self.grasps and condition(self.latest)):
@@ -112,6 +130,17 @@ def test_a_grasp_says_what_is_held_and_its_sides_are_made_while_subscribed_to(ma
     gripper.run_until(lambda grasp: heard, 'its sides')
     assert [side.class_name for side in heard[-1].sides] == ['square', 'square']
     assert list(heard[-1].side_states) == [Grasp.SIDE_TOUCHED] * 2 and heard[-1].header.frame_id == 'gripper'
+
+
+def test_both_messages_of_a_grasp_have_the_same_age(make_gripper, monkeypatch):
+    gripper, heard = make_gripper(), []
+    gripper.add('reader').create_subscription(GraspSides, '/grasp_sides', heard.append, 10)
+    gripper.run_until(lambda grasp: heard and grasp.fresh, 'its sides')
+    readings = itertools.count()
+    monkeypatch.setattr(gripper.node, '_steady', lambda: gripper.steady() + 0.001 * next(readings))
+    gripper.run(PERIOD)
+    assert heard[-1].header == gripper.latest.header and next(readings) > 1
+    assert heard[-1].age == gripper.latest.age
 
 
 @pytest.mark.parametrize('age, grasps', [(AGE, 1), (math.inf, 2)], ids=['age known', 'age unknown'])
@@ -148,6 +177,23 @@ def test_pads_of_any_clocks_are_one_grasp_with_an_age(make_gripper, offsets):
     assert gripper.latest.contact == Grasp.TWO_SIDED and gripper.latest.fresh and gripper.latest.creep < 1e-4
     # The tolerance covers the rounding of stamps that count from 1970.
     assert age_seconds(gripper.latest.age) == pytest.approx(AGE, abs=1e-6)
+
+
+@pytest.mark.parametrize('step', [3600.0, -3600.0])
+def test_a_clock_that_is_set_makes_no_result_of_this_process_older_or_fresher(make_gripper, step):
+    gripper = make_gripper()
+    gripper.feed(1.0)
+    assert gripper.latest.stable
+    since = gripper.steady()
+    gripper.set_clocks(step)
+    gripper.feed(0.5)
+    found = [grasp for _, grasp in gripper.after(since - STEP)]
+    assert [list(grasp.sequences) for grasp in found] == [[number] * 2 for number in range(51, 76)]
+    assert all(grasp.fresh and grasp.stable for grasp in found)
+    assert [age_seconds(grasp.age) for grasp in found] == pytest.approx([AGE] * 25)
+    gripper.feed(0.2, ['left'])
+    assert list(gripper.latest.side_states) == [Grasp.SIDE_TOUCHED, Grasp.SIDE_UNSEEN]
+    assert not gripper.latest.fresh
 
 
 @pytest.mark.parametrize(('continuing', 'parameters'), [((), SIM_TIME), (('left',), ()), (('right',), ())],

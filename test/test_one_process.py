@@ -91,15 +91,15 @@ class Process:
         until(is_met)
 
 
-def pad_frame(sequence, press=True, up=0, saturated=False, acquired=None):
+def pad_frame(sequence, press=True, up=0, saturated=False, acquired=None, clock=0.0):
     """Return a frame of a pad whose finger ends at the first row, by default acquired now.
 
     ``up`` is the number of rows by which the contact is moved towards that end. With ``saturated``, all pressed taxels
-    are at the end of their range.
+    are at the end of their range. ``clock`` is the time by which the wall clock of the driver has been set [s].
     """
     values = 50e3 * (np.roll(PRESS, -up, 0) > 0) * press + np.random.default_rng(sequence).normal(0, 200, PRESS.shape)
     status = np.where(saturated & (values > 25e3), TaxelStatus.SATURATED, TaxelStatus.VALID).astype(np.uint8)
-    frame = TaxelFrame(1.7e9 + PERIOD * sequence, sequence, values, status, 0,
+    frame = TaxelFrame(1.7e9 + clock + PERIOD * sequence, sequence, values, status, 0,
                        acquired=time.monotonic() if acquired is None else acquired)
     return PadFrame.of(frame, Taxels(0.004, 'Pa', finger_ends=SkinSide.FIRST_ROW), 'pad')
 
@@ -192,6 +192,18 @@ def test_nothing_is_published_between_nodes_that_share_a_process():
         # The lengths of the bounding box are computed when they are read, also for `grasp_sides`.
         for side in grasps[-1].sides:
             assert list(side.box_lengths) == pytest.approx([7 * 0.004, 7 * 0.004], abs=0.004)
+
+
+@pytest.mark.parametrize('step', [3600.0, -3600.0])
+def test_a_clock_that_is_set_costs_no_frame_between_nodes_of_one_process(step):
+    with Process() as process:
+        inputs = [process.input(f'/left/{role}') for role in ('processor', 'classifier')]
+        inputs.append(process.nodes['/grasp']._shapes['left'])
+        for clock in (0.0, step):
+            for _ in range(10):
+                process.send(['left'], clock=clock)
+                assert process.chain.wait_until_idle(TIMEOUT)
+        assert [stage.counts for stage in inputs] == 3 * [(20, 20, {}, 0, 0)]
 
 
 def test_gaps_in_function_calls_do_not_read_the_message_types_again(ros, monkeypatch):

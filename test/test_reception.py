@@ -107,6 +107,16 @@ def test_a_batch_that_was_lost_by_an_exception_leaves_a_gap(monkeypatch):
     assert bus.seen()[1:] == [0.3]
 
 
+def test_a_batch_that_was_lost_by_an_exception_takes_no_room_in_the_queue(monkeypatch):
+    bus = Clocked(monkeypatch, queue_limit=1)
+    with monkeypatch.context() as patch:
+        patch.setattr(bus.queue, '_arrival', lambda *batch: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            bus.received(1.0)
+    assert wait_until(bus.received(1.2))
+    assert bus.queue.overruns == 0
+
+
 def test_slcan_frames_came_between_the_last_look_at_an_empty_port_and_their_reading():
     with serial_line() as (adapter, port):
         bus = open_bus('slcan', port, 500_000, sleep_after_open=0.0)

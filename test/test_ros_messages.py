@@ -11,7 +11,7 @@ from tactile_node.grasp.opening import UNKNOWN_OPENING, GapSource, Opening
 from tactile_node.grasp.tracker import GraspTracker, SideState
 from tactile_node.helmholtz.features import Extremes, Features, Group, compute_features
 from tactile_node.pose.events import Motion
-from tactile_node.pose.pipeline import FoundContact, StreamedContact, Taxels
+from tactile_node.pose.pipeline import ContactPipeline, FoundContact, StreamedContact, Taxels
 from tactile_node.ros import grasp_messages
 from tactile_node.ros.contact_messages import (
     PadContact,
@@ -274,6 +274,30 @@ def test_the_object_of_a_grasp_follows_from_both_pads():
     assert (list(grasp.sequences), list(grasp.confidences)) == ([7, 7], pytest.approx([0.75, 0.75]))
     assert (list(grasp.hidden_taxels), list(grasp.saturated_taxels)) == ([5, 5], [5, 5])
     assert list(grasp.pads_seen) == [True, True] and list(grasp.at_edge) == [False, False]
+
+
+def test_the_deviation_of_the_grip_force_counts_all_contacts_of_a_pad():
+    """Equally noisy taxels add their variances, so four times the area has twice the standard deviation."""
+    left, right = shape(block(6, 6), Shape.SQUARE), shape(block(6, 6), Shape.SQUARE)
+    left.force_sd = right.force_sd = 0.02
+    left.contacts, left.others_present = 4, True
+    left.contact_areas = 4 * list(left.contact_areas)
+    grasp = grasp_of(left, right)
+    assert check_contact_shape(left) is None
+    assert grasp.grip_force_sd == pytest.approx(math.hypot(0.04, 0.02) / 2)
+
+
+def test_every_contact_of_a_pad_has_the_pitch_of_the_pad():
+    values = block(6, 6)
+    values[13:16, 12:15] = 50e3
+    values[14, 13] = np.nan
+    pad_frame = pad_frame_of(taxels(values))
+    pipeline = ContactPipeline()
+    largest = pipeline.follow(values, TAXELS, STAMP)
+    shapes = [PadShape.of(PadContact(pad_frame, largest.found), each, 'learned', 0.0)
+              for each in pipeline.recognise_each(largest, STAMP, 2)]
+    assert [each.taxels for each in shapes] == [36, 9]
+    assert [each.pitch for each in shapes] == pytest.approx([PITCH, PITCH])
 
 
 def test_the_sides_of_a_grasp_are_a_message_of_their_own():

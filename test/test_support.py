@@ -10,7 +10,13 @@ from scipy import ndimage
 from tactile_node.contact.pattern import ContactPattern, PatternExtractor
 from tactile_node.shape.methods import make_recogniser, why_unfamiliar
 from tactile_node.shape.recognition import Recognition, Shape, UnknownReason
-from tactile_node.shape.support import as_far_as_it_fits, as_far_as_it_holds, as_far_as_it_is_filled, low_outline
+from tactile_node.shape.support import (
+    as_far_as_it_fits,
+    as_far_as_it_holds,
+    as_far_as_it_is_filled,
+    as_far_as_no_edge_shapes_it,
+    low_outline,
+)
 
 DOUBTED = 0.85 * 0.95  # Confidence of a doubted class whose confidence was 0.95 before the doubt.
 SURE_CIRCLE = Recognition.of({Shape.CIRCLE: 0.95, Shape.SQUARE: 0.04, Shape.UNKNOWN: 0.01})
@@ -38,6 +44,29 @@ def test_a_sure_name_covers_a_large_contact_better_than_the_others(taxels, overl
 def test_a_square_is_a_rectangle_too():
     square = Recognition.of({Shape.SQUARE: 0.95, Shape.UNKNOWN: 0.05})
     assert as_far_as_it_fits(square, 60, np.array((0.8, 0.75, 0.5, 0.7))) is square
+
+
+@pytest.mark.parametrize(('shape', 'rows', 'cols', 'is_doubted'), [
+    (Shape.RECTANGLE, (0, 8), (0, 5), True),
+    (Shape.RECTANGLE, (2, 10), (11, 16), False),
+    (Shape.RECTANGLE, (0, 12), (4, 8), False),  # Both long sides of the bar are visible.
+    (Shape.SQUARE, (0, 12), (2, 14), True),
+    (Shape.SQUARE, (0, 6), (0, 6), False),
+    (Shape.RIGHT_TRIANGLE, (0, 8), (0, 5), False)])
+def test_a_sure_name_has_no_sides_that_may_be_edges_of_the_pad(shape, rows, cols, is_doubted):
+    mask = np.zeros((12, 16), bool)
+    mask[slice(*rows), slice(*cols)] = True
+    sure = Recognition.of({shape: 0.95, Shape.UNKNOWN: 0.05})
+    found = as_far_as_no_edge_shapes_it(sure, mask)
+    assert found.shape is shape and found.confidence == pytest.approx(DOUBTED if is_doubted else 0.95)
+    assert found.doubt is (UnknownReason.CUT_BY_EDGE if is_doubted else UnknownReason.NOT_UNKNOWN)
+
+
+def test_a_triangle_of_on_off_taxels_in_the_corner_of_the_pad_is_not_a_sure_rectangle():
+    """The triangle could also be the end of a rectangle that lies across the corner."""
+    triangle = Y[:10, :12] < 9 - 9 * X[:10, :12] / 7
+    found = make_recogniser().recognise(ContactPattern.of(triangle, triangle.astype(float)))
+    assert found.confidence < 0.9
 
 
 def test_a_name_holds_along_a_low_outline():

@@ -93,8 +93,9 @@ class CanQueue:
             self._observe(message, kind)
             stamped.append((message, kind, inf if message.is_error_frame else self.clock.of(message.timestamp)))
         if self._posted - self._fed + len(stamped) <= self._queue_limit:
+            arrival = self._arrival(batch, is_gap)
             self._posted += len(stamped)
-            self.chain.post(self._feed, stamped, self._arrival(batch, is_gap))
+            self.chain.post(self._feed, stamped, arrival)
             self._is_gap = batch.dropped > 0
         else:
             self.overruns += sum(kind is None for _, kind, _ in stamped)

@@ -44,6 +44,10 @@ class GuardedInput(Generic[Message]):
     chain must have a single source. While two sources send, or while a publisher uses another version of the message
     type, all messages on the topic are dropped.
 
+    The same rules apply to results that a stage of the same process passes on, but neither their content nor their
+    stamps need a check. If a stamp of this process advances too far, the wall clock was set forward, or a replay has
+    skipped a gap of its log.
+
     The class receives nothing itself. A `GuardedSubscription` receives messages on the executor's thread, and a
     `StageInput` receives results or messages on the chain thread.
 
@@ -129,12 +133,12 @@ class GuardedInput(Generic[Message]):
         message : message or result
             Message from the topic, or result of a stage in this process.
         is_result : bool
-            True for a result, whose content needs no check.
+            True for a result, whose content and stamp need no check.
         """
         self._received += 1
         try:
             reason = (self._check_type(message, is_result) or (None if is_result else self._check(message))
-                      or self._check_sender(message))
+                      or self._check_sender(message, is_result))
             if reason is None:
                 self._note(message, is_result)
                 return True
@@ -183,12 +187,12 @@ class GuardedInput(Generic[Message]):
             self._other_types = publishers_of_other_type(self._node, self.topic)
         return RejectReason.OTHER_TYPE if self._other_types else None
 
-    def _check_sender(self, message: Any) -> RejectReason | None:
-        """Return STAMP_AHEAD if the stamp is too far ahead, or OTHER_SOURCE if two sources send."""
+    def _check_sender(self, message: Any, is_result: bool) -> RejectReason | None:
+        """Return STAMP_AHEAD if the stamp of a message is too far ahead, or OTHER_SOURCE if two sources send."""
         if not self._follows_sender:
             return None
         now, stamp = self._steady(), seconds(message.header.stamp)
-        if not self._stamps.accepts(now, stamp):
+        if not is_result and not self._stamps.accepts(now, stamp):
             return RejectReason.STAMP_AHEAD
         is_accepted = self._sources.accepts(now, message.sequence, stamp, _left_out_before(message))
         return None if is_accepted else RejectReason.OTHER_SOURCE

@@ -87,7 +87,17 @@ def face_of(shape: PadShape) -> Face:
     place = _centre(shape)
     return Face(shape.class_name, shape.probabilities, (math.nan, math.nan) if place is None else place,
                 max(of_fit, default=shape.centre_of_pressure_sd), _face_fit(shape), shape.pad_force,
-                shape.force_sd, shape.pad_force_is_bound, shape.pressure_slope)
+                _pad_force_sd(shape), shape.pad_force_is_bound, shape.pressure_slope)
+
+
+def _pad_force_sd(shape: PadShape) -> float:
+    """Return the standard deviation of the force of all contacts [N].
+
+    The variance of a force is the sum of the variances of its taxels, so it grows with the area of the contacts.
+    """
+    if shape.contacts < 2:
+        return shape.force_sd
+    return shape.force_sd * math.sqrt(sum(shape.contact_areas) / shape.contact_areas[0])
 
 
 def _face_fit(shape: PadShape) -> FaceFit | None:

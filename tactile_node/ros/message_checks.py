@@ -146,9 +146,10 @@ def _confidence(message: ContactShape) -> RejectReason | None:
 
 
 def _counts(message: ContactShape) -> RejectReason | None:
-    """Check that an empty pad was seen, and that no count of hidden or saturated taxels exceeds its total."""
+    """Check that an empty pad was seen, that contacts have an area, and that no count of taxels exceeds its total."""
     fits = (message.others_present == (message.contacts > 1)
             and (message.shape != ContactShape.NONE or message.pad_seen and not message.contacts)
+            and not any(area <= 0 for area in message.contact_areas)
             and max(message.hidden_taxels, message.saturated_taxels) <= message.taxels
             and max(message.hidden_ring_taxels, message.saturated_ring_taxels) <= message.ring_taxels)
     if len(message.contact_areas) != min(message.contacts, MOST_LABELS):

@@ -59,6 +59,7 @@ class PadShape:
     saturated_ring_taxels: int
     at_edge: bool
     contacts: int
+    contact_areas: Sequence[float]
     pitch: float  #: pitch of the pad [m]; 0 if there is no contact
     force: float
     force_sd: float
@@ -105,6 +106,7 @@ class PadShape:
         """
         fused, pattern, seen = result.fused.recognition, result.found.pattern, result.found.visibility
         moments, fit, taxels = result.moments, result.fit, int(np.count_nonzero(result.found.pattern.mask))
+        contact_areas = [size * result.found.taxels.pitch**2 for size in pattern.sizes]
         pad_force, pad_force_is_bound = result.found.pad_force(moments)
         of_fit: dict[str, Any] = {} if fit is None else {
             'centre': fit.centre, 'angle': _angle_of(*_turn(fit)), 'symmetry': fit.symmetry,
@@ -119,8 +121,9 @@ class PadShape:
             pad_seen=seen.pad_seen, taxels=taxels, hidden_taxels=seen.hidden_in_contact,
             saturated_taxels=seen.saturated_in_contact, ring_taxels=seen.ring, hidden_ring_taxels=seen.hidden_in_ring,
             saturated_ring_taxels=seen.saturated_in_ring, at_edge=seen.at_edge, contacts=pattern.contacts,
-            pitch=_pitch_of(_areas(result), taxels), force=moments.force, force_sd=moments.force_sd,
-            pad_force=pad_force, pad_force_is_bound=pad_force_is_bound, centre_of_pressure=moments.centre_of_pressure,
+            contact_areas=contact_areas, pitch=_pitch_of(contact_areas, max(pattern.sizes, default=0)),
+            force=moments.force, force_sd=moments.force_sd, pad_force=pad_force, pad_force_is_bound=pad_force_is_bound,
+            centre_of_pressure=moments.centre_of_pressure,
             centre_of_pressure_sd=float(max(moments.centre_of_pressure_sd)),
             centre_of_pressure_is_bound=moments.centre_of_pressure_is_bound, pressure_slope=moments.slope,
             size_is_bound=moments.size_is_bound, motion=motion_message(result.motion, seconds(contact.header.stamp)),
@@ -145,7 +148,7 @@ def pad_shape_of(message: ContactShape, acquired: float = -math.inf) -> PadShape
 
 
 def contact_pitch(message: ContactShape) -> float:
-    """Return the pitch of the pad [m], or 0 if there is no contact."""
+    """Return the pitch of the pad [m], or 0 if there is no contact. ``message`` describes the largest contact."""
     return _pitch_of(message.contact_areas, message.taxels) if message.contacts else 0.0
 
 
@@ -166,13 +169,9 @@ def pose_message(shape: ContactShape) -> PoseWithCovarianceStamped:
     return PoseWithCovarianceStamped(header=shape.header, pose=shape.pose)
 
 
-def _areas(result: StreamedContact) -> list[float]:
-    return [taxels * result.found.taxels.pitch**2 for taxels in result.found.pattern.sizes]
-
-
-def _pitch_of(contact_areas: Sequence[float], taxels: int) -> float:
-    """Return the pitch from the areas of all contacts and the number of taxels of the largest one."""
-    return math.sqrt(contact_areas[0] / taxels) if taxels and contact_areas else 0.0
+def _pitch_of(contact_areas: Sequence[float], largest: int) -> float:
+    """Return the pitch from the areas of all contacts and the number of taxels of the ``largest`` one."""
+    return math.sqrt(contact_areas[0] / largest) if largest and contact_areas else 0.0
 
 
 def _turn(fit: ShapeFit) -> tuple[float, float]:
@@ -199,8 +198,8 @@ def _message(contact: PadContact, result: StreamedContact, method: str, solid_he
         frame_probabilities=[alone.probabilities.get(each, 0.0) for each in probabilities],
         held=duration_message(fused.held), fused_frames=fused.frames, method=method,
         missing_can_frames=contact.frame.missing_can_frames, others_present=shape.contacts > 1,
-        contact_areas=_areas(result), force_is_bound=moments.force_is_bound, centre_of_pressure=Point(x=x, y=y),
-        contact_area=moments.area, fit_valid=fit is not None,
+        force_is_bound=moments.force_is_bound, centre_of_pressure=Point(x=x, y=y), contact_area=moments.area,
+        fit_valid=fit is not None,
         pose=PoseWithCovariance(pose=_pose(fit), covariance=covariance),
         principal_axis=principal_axis(result.found.pattern.mask), residual=math.nan if fit is None else fit.residual)
     message.box_centre.x, message.box_centre.y = box.centre

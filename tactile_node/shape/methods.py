@@ -16,7 +16,8 @@ A contact passes these steps:
  7. The networks and their calibrations give the probabilities (`recogniser.ShapeRecogniser.answers`).
  8. A contact that is not convex is UNKNOWN (`support.is_convex`); taught shapes and the adaptation to a skin follow
     (`taught.join`, `adaptation`).
- 9. The confidence is limited by the fit to the named figure (`support.as_far_as_it_fits`, `as_far_as_it_is_filled`).
+ 9. The confidence is limited by the fit to the named figure (`support.as_far_as_it_fits`, `as_far_as_it_is_filled`)
+    and by the edges that cut the contact (`as_far_as_no_edge_shapes_it`).
 10. The confidence is limited by the answer for the low outline (`support.as_far_as_it_holds`).
 11. If a contact of one piece has no sure name, steps 5 to 10 are repeated within the outline at which the readings fall
     steepest (`steepest_outline`).

@@ -35,6 +35,7 @@ from tactile_node.shape.support import (
     as_far_as_it_fits,
     as_far_as_it_holds,
     as_far_as_it_is_filled,
+    as_far_as_no_edge_shapes_it,
     has_sure_name,
     is_convex,
     low_outline,
@@ -241,7 +242,8 @@ class ShapeRecogniser:
                         size = int(np.count_nonzero(contacts[k][1]))
                         found[k] = as_far_as_it_fits(named, size, answers.geometry[number, OVERLAPS])
                     else:
-                        found[k] = as_far_as_it_is_filled(named, *contacts[k])
+                        values, mask = contacts[k]
+                        found[k] = as_far_as_no_edge_shapes_it(as_far_as_it_is_filled(named, values, mask), mask)
         return found
 
     def answers(self, patches: Sequence[Patch], contacts: Sequence[tuple[np.ndarray, np.ndarray]]) -> NetworkAnswers:

@@ -154,7 +154,13 @@ def is_cut(contact: np.ndarray) -> bool:
     >>> is_cut(np.eye(4, dtype=bool)), is_cut(np.eye(4) < 1)
     (False, True)
     """
-    return max(_taxels_at_edges(contact)) > CUT_SHARE * float(np.count_nonzero(contact)) ** 0.5
+    return any(edges_that_cut(contact))
+
+
+def edges_that_cut(contact: np.ndarray) -> list[bool]:
+    """Return for each edge of the pad whether it cuts a contact: first row, last row, first column, last column."""
+    least = CUT_SHARE * float(np.count_nonzero(contact)) ** 0.5
+    return [taxels > least for taxels in _taxels_at_edges(contact)]
 
 
 def _taxels_at_edges(contact: np.ndarray) -> list[int]:
