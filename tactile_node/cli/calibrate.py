@@ -18,7 +18,7 @@ from tactile_node.cli.played_log import play_log
 from tactile_node.cli.progress import count_progress
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.learning.presses import find_presses, subtract_zero
+from tactile_node.learning.presses import PressFinder, subtract_zero
 from tactile_node.learning.response import RESPONSE_SUFFIX, save_response
 from tactile_node.learning.response_fit import Disc, FoundResponse, calibrate, check_disc
 from tactile_node.learning.touches import Touches
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     output = _output(args)
     check_writable(output, [args.recording], force=args.force)
     readings = _readings(args)
-    found = find_presses(readings.frames, readings.saturated, readings.unit)
+    found = PressFinder(readings.unit).find(readings.frames, readings.saturated)
     print(f'{sum(len(press.frames) for press in found.touches)} frames used, of {found}')
     with count_progress('fitting', ' fits') as bar:
         calibration = calibrate(found.touches, known, readings.pitch, readings.unit, progress=bar.update)

@@ -1,11 +1,9 @@
 """Find presses of a disc in the frames of a pad, for the calibration of a skin."""
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from tactile_node.contact.neighbours import grown
-from tactile_node.learning.touches import Touch, Touches, TouchFinder, TouchFrame, Unused, choose_frames
+from tactile_node.learning.touches import Touch, TouchFinder, TouchFrame, Unused, choose_frames
 from tactile_node.pose.pipeline import FoundContact
 from tactile_node.shape.recognition import Shape
 
@@ -35,21 +33,6 @@ class PressFinder(TouchFinder):
 
     def _choose(self, frames: list[TouchFrame]) -> Touch:
         return choose_frames(sorted(frames, key=lambda frame: frame.strength), PRESS_FRAMES)
-
-
-def find_presses(frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | None], unit: str | None) -> Touches:
-    """Return the presses in successive frames.
-
-    Parameters
-    ----------
-    frames : iterable of np.ndarray
-        Readings of each frame, (rows, cols).
-    saturated : iterable of np.ndarray or None
-        Saturated taxels of each frame, bool (rows, cols), or None if the frame has none.
-    unit : str or None
-        Unit of the readings, as in `find_contact`.
-    """
-    return PressFinder(unit).find(frames, saturated)
 
 
 def subtract_zero(frames: np.ndarray) -> np.ndarray:
