@@ -81,12 +81,8 @@ class FoundContact(NamedTuple):
 
         Parameters
         ----------
-        shape : ShapeClass
-            Shape to fit.
-        outlines : dict[Shape, OutlineFit] or None
-            Fits to earlier frames of the contact, as for `fit_contact`.
-        stamp : float
-            Acquisition time of the frame [s], used only with ``outlines``.
+        shape, outlines, stamp
+            As for `fit_shape`.
         """
         if not np.count_nonzero(self.pattern.mask):
             return None

@@ -141,18 +141,10 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str] = CLASSES
     ----------
     pads
         Pads of the gripper.
-    shapes
-        Names of the shapes that touch the pads, of CLASSES or NAMED.
     seed
         Seed of the touches and the noise.
-    areas
-        Areas of the contacts [taxels], or empty for those of `touch_areas`.
-    rounds
-        Number of touches for each shape and area.
-    hold
-        Duration of each contact [s].
-    pause
-        Time between two contacts [s].
+    shapes, areas, rounds, hold, pause
+        As for `touch_program`.
     """
     programs = [touch_program(pad.layout, shapes, areas, seed, hold, pause, rounds) for pad in pads]
     return {pad.name: _felt(pad, program, -1 if i % 2 else 1, np.random.default_rng((seed, i)))
