@@ -68,15 +68,13 @@ class SlcanPty(can.BusABC):
 
         The attribute ``lost`` counts the lost frames.
         """
-        self._send_lines([encode(msg)])
+        self.send_all([frame_of(msg)])
 
     def send_all(self, frames: Iterable[CanFrame]) -> None:
         """Send several frames at once, each like `send`."""
-        self._send_lines([line_of(frame) for frame in frames])
-
-    def _send_lines(self, lines: list[bytes]) -> None:
         if not self._open:
             return
+        lines = [line_of(frame) for frame in frames]
         waiting, fitting = len(self._unsent), 0
         for line in lines:
             if waiting > MAX_WAITING:
