@@ -38,7 +38,7 @@ def _records(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: 
     taxels = Taxels(pitch or 1.0, frames.unit, None if response is None else response.layer)
     pipeline = ContactPipeline(recogniser, thresholds=thresholds(args), fits=bool(pitch),
                                curve=None if response is None else response.curve)
-    for k, frame in enumerate(show_progress(frames.values, path, len(frames.values), prints=args.output is None)):
+    for k, frame in enumerate(show_progress(frames.values, path, prints=args.output is None)):
         found = pipeline.find(frame, taxels, **taxels_known(frames, k))
         counted, fused = found.pattern, {}
         if stamps is None:

@@ -78,7 +78,7 @@ def write_features(args: argparse.Namespace) -> None:
 def _records(args: argparse.Namespace) -> Iterator[Record]:
     for path, found in files(args):
         extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=args.largest_contact)
-        for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=args.output is None)):
+        for k, frame in enumerate(show_progress(found.values, path, prints=args.output is None)):
             pattern = extractor.extract(frame, **taxels_known(found, k))
             yield {'file': path, 'frame': k, **found.known_of(k),
                    **compute_features(pattern.mask, args.groups).as_json()}
