@@ -394,7 +394,8 @@ def test_live_touches_are_recorded_here_without_an_output(tmp_path, monkeypatch,
 
 @pytest.mark.parametrize('command', ['assess', 'teach'])
 def test_a_picture_of_another_format_is_refused_before_touches_are_taken(command, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr('tactile_node.cli.touch_sources.live_touches', lambda *given: pytest.fail('touches were taken'))
+    monkeypatch.setattr('tactile_node.cli.touch_sources._live_touches',
+                        lambda *given: pytest.fail('touches were taken'))
     name = {'assess': 'circle', 'teach': 'coin'}[command]
     assert main([command, '--name', name, '-o', str(tmp_path / 'm.npz'), '--picture', str(tmp_path / 'p.xyz')]) == 2
     assert 'png' in capsys.readouterr().err

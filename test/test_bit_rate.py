@@ -17,21 +17,35 @@ pytestmark = pytest.mark.bus
 HEARTBEAT = can.Message(arbitration_id=0x705, is_extended_id=False, data=[5])
 
 
+BIT_RATES = {b'S4': 125_000, b'S5': 250_000, b'S6': 500_000, b'S7': 800_000, b'S8': 1_000_000}
+
+
 class Adapter(SlcanPty):
-    """Adapter that records every command and delivers ``noise`` at any bit rate other than that of the bus."""
+    """Adapter on a bus with one bit rate. It records every command.
+
+    A client that sets another bit rate receives only ``noise``, and its frames are not received.
+    """
 
     def __init__(self, bitrate, noise=b''):
-        super().__init__(bitrate=bitrate)
-        self.commands, self._noise, self.received = [], noise, []
+        super().__init__()
+        self._bitrate, self._noise = bitrate, noise
+        self._set_rate = None
+        self.commands, self.received = [], []
 
     def _answer(self, line):
         self.commands.append(line)
-        return super()._answer(line)
+        if line[:1] == b'S':
+            self._set_rate = BIT_RATES.get(line)
+        answer = super()._answer(line)
+        if self._set_rate != self._bitrate:
+            self._received.clear()
+        return answer
 
     def send(self, msg, timeout=None):
-        if self._noise and self._open and self._set_rate != self._bitrate:
+        if self._set_rate == self._bitrate:
+            super().send(msg, timeout)
+        elif self._noise and self._open:
             self._write(self._noise)
-        super().send(msg, timeout)
 
 
 @contextmanager

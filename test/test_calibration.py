@@ -20,7 +20,7 @@ from tactile_node.commissioning.commissioned_gripper import Act
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.conditioning.gain import make_curve
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.learning.presses import PRESS_FRAMES, PressFinder, find_presses, subtract_zero
+from tactile_node.learning.presses import PRESS_FRAMES, PressFinder, subtract_zero
 from tactile_node.learning.response import SkinResponse, load_response, save_response
 from tactile_node.learning.response_fit import LEAST_PRESSES, Disc, calibrate
 from tactile_node.learning.touches import Touch, TouchFrame, Unused
@@ -211,7 +211,7 @@ def disc(x, y, radius=5.0, side=24):
 def test_presses_are_separated_by_rest_and_by_place():
     empty = np.zeros((24, 24))
     frames = [empty] * 3 + [disc(8, 8)] * 9 + [empty] * 2 + [disc(8, 8)] * 2 + [disc(14, 12)] * 2
-    found = find_presses(frames, [None] * len(frames), 'Pa')
+    found = PressFinder('Pa').find(frames)
     assert [len(press.frames) for press in found.touches] == [PRESS_FRAMES, 2, 2] and not found.unused
 
 
@@ -225,7 +225,7 @@ def test_unusable_frames_are_counted_by_reason():
     assert np.pi * 5 ** 2 > PressFinder.least_taxels > np.pi * 2 ** 2
     for reason, frame in cases.items():
         saturated = frame > 49e3 if reason is Unused.SATURATED else None
-        found = find_presses([frame], [saturated], 'Pa')
+        found = PressFinder('Pa').find([frame], [saturated])
         assert found.unused == {reason: 1} and not found.touches, reason
 
 

@@ -32,7 +32,7 @@ WALL_CLOCK = {
     'examples/demo/skin.py': 'the demo runs on one host',
     'tactile_node/simulator/device.py': 'the touches of the simulated skin',
     'tactile_node/simulator/slcan_pty.py': 'the stamps of a CAN adapter',
-    'tactile_node/simulator/skin_simulator.py': 'the stamps of a CAN adapter'}
+    'tactile_node/simulator/wire_gateway.py': 'the stamps of a CAN adapter'}
 #: DDS QoS policies that no code may use. Lifespan compares the stamp of the sender's host with the clock of the
 #: receiver's host. The other policies depend on deadlines and leases that no module monitors.
 QOS = {'lifespan', 'deadline', 'liveliness', 'liveliness_lease_duration'}

@@ -5,7 +5,7 @@ import pytest
 
 from tactile_node.errors import InputError
 from tactile_node.simulator.figures import NAMED, Figure, coverage, named_silhouette, silhouette_of
-from tactile_node.simulator.touches import touch_program
+from tactile_node.simulator.touches import TouchProgram
 from tactile_node.skin.layout_file import load_layout
 
 
@@ -20,7 +20,7 @@ def test_a_figure_covers_its_area_about_its_centre(name):
 
 
 def test_a_named_figure_is_pressed_with_its_area():
-    program = touch_program(load_layout('sim16x16.yaml'), ('cross',), (40.0,), hold=1.0, pause=0.5)
+    program = TouchProgram(load_layout('sim16x16.yaml'), ('cross',), (40.0,), hold=1.0, pause=0.5)
     values = program(1.0)
     assert values.sum() / values.max() == pytest.approx(40, rel=0.03)
 

@@ -21,7 +21,7 @@ class Terminal(io.StringIO):
 def work():
     with count_progress('frames of a log', ' frames', total=4) as bar:
         bar.update(2)
-    return list(show_progress('abc', 'x.npy', 3, prints=True))
+    return list(show_progress('abc', 'x.npy', prints=True))
 
 
 @pytest.fixture(autouse=True)

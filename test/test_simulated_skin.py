@@ -27,7 +27,7 @@ from tactile_node.conditioning.tare import ContactGuard, measure, tare_limit
 from tactile_node.errors import BusError, ConfigurationError, TareRefusedError
 from tactile_node.simulator.skin_simulator import SkinSimulator
 from tactile_node.simulator.slcan_pty import SlcanPty, decode, encode
-from tactile_node.simulator.touches import RAMP, TOUCH_HOLD, TOUCH_PAUSE, gripper_sources, touch_program
+from tactile_node.simulator.touches import RAMP, TOUCH_HOLD, TOUCH_PAUSE, TouchProgram, gripper_sources
 from tactile_node.skin.layout_file import load_layout
 from tactile_node.skin.pads import make_pad, make_pads
 from tactile_node.skin.taxel_codec import TaxelCodec
@@ -176,7 +176,7 @@ def test_a_bus_that_fails_under_the_skin_is_reported():
 
 def test_touches_press_and_let_go():
     layout = load_layout('sim16x16.yaml')
-    program = touch_program(layout, ('circle',), areas=(50,), seed=3, hold=1.0, pause=0.5)
+    program = TouchProgram(layout, ('circle',), areas=(50,), seed=3, hold=1.0, pause=0.5)
     assert [touch.contact.shape for touch in program.touches] == ['circle'] and program.duration == 2.0
     assert program(0.2).max() == program(1.7).max() == 0
     full, (touch,) = program(1.0), program.touches
@@ -185,14 +185,14 @@ def test_touches_press_and_let_go():
     assert abs(full.sum() / full.max() - 50) < 1.5  # A pressure of 60 000 Pa acts on the area of 50 taxels.
     assert full.max() == pytest.approx(60_000, rel=1e-3)
     assert program(0.55).max() == pytest.approx(30_000, rel=1e-3)  # This time lies in the middle of the ramp of 0.1 s.
-    on_off = touch_program(load_layout('nus_sinapse_64x64.yaml'), ('square',), areas=(400,), seed=3)(1.0)
+    on_off = TouchProgram(load_layout('nus_sinapse_64x64.yaml'), ('square',), areas=(400,), seed=3)(1.0)
     assert set(np.unique(on_off)) == {0, 1} and abs(on_off.sum() - 400) < 25
 
 
 @pytest.mark.parametrize(('rows', 'cols'), [(8, 8), (12, 10)])
 def test_the_default_touches_lie_within_a_small_pad(rows, cols):
     layout = replace(load_layout('sim16x16.yaml'), rows=rows, cols=cols)
-    program = touch_program(layout, rounds=3)
+    program = TouchProgram(layout, rounds=3)
     assert len(program.touches) == 3 * 3 * 5
     for touch in program.touches:
         pressed = program(touch.end - 0.2)
@@ -208,7 +208,7 @@ TIMES = np.arange(0, 8, 0.02)  # Times in seconds.
 def test_taxels_have_noise_that_the_seed_repeats():
     def noise(seed):
         noisy = gripper_sources(GRIPPER, seed=seed)
-        still = touch_program(GRIPPER[0].layout, seed=seed, hold=TOUCH_HOLD, pause=TOUCH_PAUSE)
+        still = TouchProgram(GRIPPER[0].layout, seed=seed, hold=TOUCH_HOLD, pause=TOUCH_PAUSE)
         return {pad: np.array([noisy[pad](t) - still(t)[:, ::step] for t in TIMES])
                 for pad, step in (('left', 1), ('right', -1))}
     first, again, other = noise(3), noise(3), noise(4)
@@ -233,7 +233,7 @@ def test_a_tare_that_is_tried_again_passes_between_two_touches_and_never_during_
     pad, = make_pads([layout], nodes)
     codec, unit, period = TaxelCodec(pad.layout), pad.layout.value.unit, pad.layout.frame_period(0.02)
     source, fresh = gripper_sources([pad], ('square',))[pad.name], np.ones(len(pad.layout.carriers), bool)
-    program = touch_program(pad.layout, ('square',), hold=TOUCH_HOLD, pause=TOUCH_PAUSE)
+    program = TouchProgram(pad.layout, ('square',), hold=TOUCH_HOLD, pause=TOUCH_PAUSE)
     times = np.arange(0, 5 * TOUCH_HOLD, period)
     frames = np.array([codec.decode(codec.encode(source(time)), fresh)[0] for time in times])
     is_pressed = np.array([program(time).any() for time in times])

@@ -191,7 +191,7 @@ def test_the_command_refuses_poor_recognition_unless_it_is_accepted(recordings, 
 
 
 def test_the_command_refuses_to_overwrite_an_input_before_any_touch_is_recorded(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr('tactile_node.cli.touch_sources.live_touches',
+    monkeypatch.setattr('tactile_node.cli.touch_sources._live_touches',
                         lambda *given: pytest.fail('touches were recorded'))
     model = shutil.copy(config_path('recogniser.npz'), tmp_path)
     assert main(['teach', '--name', 'coin', '--model', model, '--output', model, '--force']) == 2

@@ -136,6 +136,10 @@ def test_a_bag_gives_frames_with_the_pads_geometry(tmp_path, plugin, compressed)
         assert not frame.values.flags.writeable
 
 
+def kinds_of(reader):
+    return [damage.kind for damage in reader.damages]
+
+
 def frames_in(reader):
     return [frame_of(message.content) for message in reader.messages([TAXELS])]
 
@@ -190,7 +194,7 @@ def test_a_truncated_bag_yields_its_intact_part_and_reports_the_damage(tmp_path)
     path.write_bytes(path.read_bytes()[:size - 10])
     reader = TopicBagReader(path)
     assert [each.sequence for each in frames_in(reader)] == [0, 1, 2]
-    assert reader.pads == ('robot/left',) and dict(reader.unread) == {DamageKind.CUT_SHORT: 1} and reader.problem
+    assert reader.pads == ('robot/left',) and kinds_of(reader) == [DamageKind.CUT_SHORT] and reader.problem
 
 
 @pytest.mark.parametrize('changed', [
@@ -201,7 +205,7 @@ def test_a_truncated_bag_yields_its_intact_part_and_reports_the_damage(tmp_path)
     {'layer_deviation': 0.0}, {'finger_ends': 16}, {'values': np.array([1, 2, np.inf, 4, 5, 6], np.float32)}])
 def test_a_frame_whose_fields_do_not_fit_is_counted_not_given(tmp_path, changed):
     reader = TopicBagReader(bag(tmp_path / 'bag', arrays(1, **changed) + arrays(1)))
-    assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.INCONSISTENT: 1}
+    assert len(frames_in(reader)) == 1 and kinds_of(reader) == [DamageKind.INCONSISTENT]
     damage, = reader.damages
     assert damage.begin == damage.end == EPOCH + 100 and 'at 2023-11-14' in reader.problem
 
@@ -213,7 +217,7 @@ def test_a_malformed_message_is_counted_and_not_returned(tmp_path):
     assert huge != whole
     broken = [('/left/taxels', data) for data in (b'', whole[:40], huge, b'\x28\xB5\x2F\xFDxx')]
     reader = TopicBagReader(bag(tmp_path / 'bag', broken + arrays(1)))
-    assert len(frames_in(reader)) == 1 and dict(reader.unread) == {DamageKind.UNDECODABLE: 4}
+    assert len(frames_in(reader)) == 1 and kinds_of(reader) == [DamageKind.UNDECODABLE] * 4
 
 
 def test_the_topics_of_a_bag_are_known_without_reading_its_messages(tmp_path):

@@ -559,7 +559,7 @@ def test_a_browser_that_does_not_answer_gets_nothing_more_and_then_the_newest():
 def test_planes_are_computed_only_while_they_are_open(monkeypatch):
     from tactile_node.viewing import page as module
     computed = []
-    monkeypatch.setattr(module.Planes, 'pictures', lambda self, masks: computed.append(masks) or '')
+    monkeypatch.setattr(module, 'planes_html', lambda masks: computed.append(masks) or '')
     source, browser = HandSource(['left']), Sent()
     mask = np.ones((4, 4), bool)
     source.store.put(state(contact=contact(mask=mask)))
@@ -582,10 +582,10 @@ def test_a_point_lies_on_the_side_of_the_curve_that_the_classifier_takes():
 
     The point of the bar must lie in the area above the first curve.
     """
-    from tactile_node.viewing.planes import Planes
+    from tactile_node.viewing.planes import planes_html
     mask = np.zeros((16, 16), bool)
     mask[6:9, 2:14] = True
-    pictures = Planes().pictures({0: mask}).split('class="tactile-planes">')[1]
+    pictures = planes_html({0: mask}).split('class="tactile-planes">')[1]
     first = fromstring(pictures.split('</svg>')[0] + '</svg>')
     circle = next(element for element in first.iter() if element.tag.endswith('circle'))
     line = next(element for element in first.iter() if element.tag.endswith('polyline'))

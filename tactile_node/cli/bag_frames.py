@@ -40,7 +40,6 @@ class FrameList(Sink):
         self._bar = bar
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
-        """Add a frame, or return False without adding it if its geometry differs from the pad's first frame."""
         rows, cols = frame.values.shape
         found = self.pads.setdefault(pad, RecordedPad((rows, cols), pitch, unit, []))
         if found[:3] != ((rows, cols), pitch, unit):

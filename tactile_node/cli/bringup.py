@@ -51,17 +51,10 @@ class Option(NamedTuple):
     choices: tuple[str, ...] | None = None
 
 
-def parameter_option(row: Parameter) -> Option:
-    """Return the option that sets a node parameter.
+def _parameter_option(row: Parameter) -> Option:
+    """Return the option that sets the node parameter in a ``row`` of the parameter table.
 
-    Parameters
-    ----------
-    row
-        Row of the parameter table, with description, type and default.
-
-    Examples
-    --------
-    >>> parameter_option(next(row for row in table(GraspNodeSettings) if row.name == 'gap_offset')).description
+    >>> _parameter_option(next(row for row in table(GraspNodeSettings) if row.name == 'gap_offset')).description
     'opening when the reading is 0 [m] (gap_source joint_states, tf) (default: 0)'
     """
     default = row.default if isinstance(row.default, tuple) else (row.default,)
@@ -84,7 +77,7 @@ def _rows() -> dict[str, Parameter]:
 
 ROWS = _rows()
 OPTIONS = {
-    **{name: parameter_option(row) for name, row in ROWS.items()},
+    **{name: _parameter_option(row) for name, row in ROWS.items()},
     'simulate': Option('true: use a simulated skin instead of a bus; it runs in the process of the driver', switch),
     'side': Option('run only the nodes of one side. bus: the driver, on the host with the CAN adapter; perception: the '
                    'nodes that turn taxels into shapes and grasps, on any host (default: all nodes)',

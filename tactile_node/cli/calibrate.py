@@ -8,17 +8,14 @@ more places, both lightly and firmly, and lift it between presses. The face must
 import argparse
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
-
-from tactile_node.cli.frame_file import read_frames
+from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.options import add_log_options, add_output_option, pads_of, single_pad_of
 from tactile_node.cli.played_log import play_log
 from tactile_node.cli.progress import count_progress
 from tactile_node.conditioning.gain import load_gains
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.learning.presses import find_presses, subtract_zero
+from tactile_node.learning.presses import PressFinder, subtract_zero
 from tactile_node.learning.response import RESPONSE_SUFFIX, save_response
 from tactile_node.learning.response_fit import Disc, FoundResponse, calibrate, check_disc
 from tactile_node.learning.touches import Touches
@@ -26,15 +23,6 @@ from tactile_node.output_file import check_writable
 from tactile_node.taxel_frame import ON_OFF_UNIT, TaxelStatus
 
 SUSPICIOUS_ERROR = 0.06  #: relative error of the uncalibrated radius above which the given --radius may be wrong
-
-
-class Readings(NamedTuple):
-    """Frames of one pad, with the zero subtracted."""
-
-    frames: np.ndarray     #: readings (K, rows, cols), NaN where there is no valid value
-    saturated: np.ndarray  #: mask of the saturated taxels (K, rows, cols), bool
-    pitch: float           #: distance between neighbouring taxels [m]
-    unit: str              #: unit of the readings
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -56,7 +44,8 @@ def run(args: argparse.Namespace) -> int:
     output = _output(args)
     check_writable(output, [args.recording], force=args.force)
     readings = _readings(args)
-    found = find_presses(readings.frames, readings.saturated, readings.unit)
+    assert readings.status is not None and readings.pitch is not None and readings.unit is not None
+    found = PressFinder(readings.unit).find(readings.values, readings.status == TaxelStatus.SATURATED)
     print(f'{sum(len(press.frames) for press in found.touches)} frames used, of {found}')
     with count_progress('fitting', ' fits') as bar:
         calibration = calibrate(found.touches, known, readings.pitch, readings.unit, progress=bar.update)
@@ -81,34 +70,33 @@ def _is_archive(args: argparse.Namespace) -> bool:
     return Path(args.recording).suffix == '.npz'
 
 
-def _readings(args: argparse.Namespace) -> Readings:
-    readings = _of_archive(args.recording) if _is_archive(args) else _of_log(args)
-    if not args.gains:
-        return readings
-    rows, cols = readings.frames.shape[1:]
-    return readings._replace(frames=readings.frames * load_gains(args.gains, rows, cols))
+def _readings(args: argparse.Namespace) -> TaxelFrames:
+    """Return the frames of one pad, with the zero subtracted and the gains applied."""
+    found = _of_archive(args.recording) if _is_archive(args) else _of_log(args)
+    values = subtract_zero(found.values)
+    if args.gains:
+        values = values * load_gains(args.gains, *values.shape[1:])
+    return found._replace(values=values)
 
 
-def _of_archive(path: str) -> Readings:
+def _of_archive(path: str) -> TaxelFrames:
     found = read_frames(path)
     if found.pitch is None or found.unit is None or found.status is None:
         raise InputError(f'file {path!r}', expected='frames with pitch, unit and status', got='an array without them',
                          remedy='Give the CAN log, or the .npz that `tactile replay` makes from it.')
     if found.unit == ON_OFF_UNIT:
         raise _on_off(path)
-    return Readings(subtract_zero(found.values), found.status == TaxelStatus.SATURATED, found.pitch, found.unit)
+    return found
 
 
-def _of_log(args: argparse.Namespace) -> Readings:
+def _of_log(args: argparse.Namespace) -> TaxelFrames:
     pad = single_pad_of(args, 'Calibrate each pad from its own presses.')
     layout = pad.layout
     if layout.value.unit == ON_OFF_UNIT:
         raise _on_off(layout.source)
     played = play_log(args.recording, (pad,), channel=args.channel, any_device=args.any_device, must_be_used=True)
-    frames = played.frames[pad.name]
-    saturated = np.array([frame.status == TaxelStatus.SATURATED for frame in frames])
-    values = subtract_zero(np.array([frame.values for frame in frames]))
-    return Readings(values, saturated, layout.pitch, layout.value.unit)
+    return TaxelFrames.of(played.frames[pad.name], (layout.rows, layout.cols), pad.name, layout.pitch,
+                          layout.value.unit)
 
 
 def _on_off(where: str) -> InputError:

@@ -69,7 +69,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the result. Return 2 if the driver would reject the layout, 1 if there are warnings, else 0."""
     use = Use(args.bitrate, args.pads, args.sync_period)
-    found = check_layout(args.layout, args.eds, use)
+    found = _checked(args.layout, args.eds, use)
     if args.json:
         print(json.dumps(as_json(found, use)))
     else:
@@ -77,18 +77,8 @@ def run(args: argparse.Namespace) -> int:
     return 2 if found.errors else 1 if found.warnings else 0
 
 
-def check_layout(layout_name: str, eds: str, use: Use) -> CheckedLayout:
-    """Check a skin layout and its EDS against all rules.
-
-    Parameters
-    ----------
-    layout_name
-        Path of the layout, or the name of a layout in ``config/``.
-    eds
-        Path of the EDS, or '' for the EDS next to the layout.
-    use
-        Planned bit rate, number of pads and SYNC period, from which the bus load is computed.
-    """
+def _checked(layout_name: str, eds: str, use: Use) -> CheckedLayout:
+    """Check a skin layout and its EDS ('': the EDS next to the layout) against all rules."""
     try:
         layout = read_layout(layout_name)
     except ConfigurationError as error:

@@ -7,12 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from tactile_node.cli.frame_file import TaxelFrames
-from tactile_node.cli.frame_patterns import files, patterns, taxels_known, thresholds
+from tactile_node.cli.frame_patterns import files, taxels_known, thresholds
 from tactile_node.cli.progress import show_progress
 from tactile_node.cli.records import Record, write_records
-from tactile_node.contact.pattern import ContactPattern
 from tactile_node.errors import InputError
-from tactile_node.learning.response import SkinResponse
 from tactile_node.library.contacts import known_response
 from tactile_node.pose.fit import ShapeFit
 from tactile_node.pose.moments import check_pitch
@@ -29,39 +27,29 @@ def write_shapes(args: argparse.Namespace) -> None:
     if args.pitch is not None:
         check_pitch(args.pitch)
     recogniser = make_recogniser(args.method, {LEARNED: args.model, VOLF: args.curves}[args.method])
-    of_file = _fused if args.fuse else _single
-    write_records((record for path, found in files(args) for record in of_file(path, found, recogniser, args)), args)
+    write_records((record for path, found in files(args) for record in _records(path, found, recogniser, args)), args)
 
 
-def _single(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: argparse.Namespace) -> Iterator[Record]:
-    """Yield one record per frame, computed from that frame alone."""
-    pitch, response = _geometry(frames, args)
-    if response is not None and frames.values.dtype != bool:
-        frames = frames._replace(values=response.curve(frames.values))
-    taxels, pipeline = _taxels(frames, pitch, response), ContactPipeline(recogniser)
-    for k, pattern in enumerate(patterns(path, frames, args, largest=True)):
-        found, recognition = pipeline.recognise_alone(FoundContact.of(pattern, taxels))
-        fit = found.fit(recognition.shape) if pitch else None
-        yield {'file': path, 'frame': k, **frames.known_of(k), **recognition.as_json(), **_counted(pattern),
-               **_fitted(fit), **_boxed(found, pitch)}
-
-
-def _fused(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: argparse.Namespace) -> Iterator[Record]:
-    """Yield one record per frame, fused with the preceding frames."""
-    pitch, response = _geometry(frames, args)
-    stamps, taxels = _stamps(path, frames, args), _taxels(frames, pitch, response)
+def _records(path: str, frames: TaxelFrames, recogniser: VisibilityGuard, args: argparse.Namespace) -> Iterator[Record]:
+    """Yield one record per frame, computed from that frame alone or, with --fuse, also from the preceding frames."""
+    pitch = frames.pitch if args.pitch is None else args.pitch
+    response = known_response(args.response or None, frames.unit)
+    stamps = _stamps(path, frames, args) if args.fuse else None
+    taxels = Taxels(pitch or 1.0, frames.unit, None if response is None else response.layer)
     pipeline = ContactPipeline(recogniser, thresholds=thresholds(args), fits=bool(pitch),
                                curve=None if response is None else response.curve)
-    for k, frame in enumerate(show_progress(frames.values, path, len(frames.values), prints=args.output is None)):
-        result = pipeline.follow(frame, taxels, float(stamps[k]), **taxels_known(frames, k))
-        fused = result.fused
-        yield {'file': path, 'frame': k, **frames.known_of(k), **fused.recognition.as_json(),
-               **_counted(result.found.pattern), 'held': fused.held, 'fused_frames': fused.frames,
-               **_fitted(result.fit), **_boxed(result.found, pitch)}
-
-
-def _taxels(frames: TaxelFrames, pitch: float | None, response: SkinResponse | None) -> Taxels:
-    return Taxels(pitch or 1.0, frames.unit, None if response is None else response.layer)
+    for k, frame in enumerate(show_progress(frames.values, path, prints=args.output is None)):
+        found = pipeline.find(frame, taxels, **taxels_known(frames, k))
+        counted, fused = found.pattern, {}
+        if stamps is None:
+            found, recognition = pipeline.recognise_alone(found)
+            fit = found.fit(recognition.shape) if pitch else None
+        else:
+            result = pipeline.recognise(found, float(stamps[k]))
+            found, recognition, fit = result.found, result.fused.recognition, result.fit
+            counted, fused = found.pattern, {'held': result.fused.held, 'fused_frames': result.fused.frames}
+        yield {'file': path, 'frame': k, **frames.known_of(k), **recognition.as_json(), 'N': int(counted.mask.sum()),
+               'contacts': counted.contacts, **fused, **_fitted(fit), **_boxed(found, pitch)}
 
 
 def _stamps(path: str, found: TaxelFrames, args: argparse.Namespace) -> np.ndarray:
@@ -72,15 +60,6 @@ def _stamps(path: str, found: TaxelFrames, args: argparse.Namespace) -> np.ndarr
     got = 'both' if args.period else 'neither'
     raise InputError(f'file {path!r}, --fuse', expected='either stamps in the file or --period', got=got,
                      remedy='Write an .npz with `tactile replay`, or give the time between two frames as --period.')
-
-
-def _geometry(found: TaxelFrames, args: argparse.Namespace) -> tuple[float | None, SkinResponse | None]:
-    pitch = found.pitch if args.pitch is None else args.pitch
-    return pitch, known_response(args.response or None, found.unit)
-
-
-def _counted(pattern: ContactPattern) -> Record:
-    return {'N': int(pattern.mask.sum()), 'contacts': pattern.contacts}
 
 
 def _boxed(found: FoundContact, pitch: float | None) -> Record:

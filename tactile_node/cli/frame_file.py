@@ -111,6 +111,15 @@ class TaxelFrames(NamedTuple):
     pitch: float | None = None          #: [m]
     unit: str | None = None             #: unit of the values: 'Pa', 'N' or '1' (on/off)
 
+    @classmethod
+    def of(cls, frames: Sequence[TaxelFrame], shape: tuple[int, int], pad: str, pitch: float, unit: str
+           ) -> 'TaxelFrames':
+        """Return the ``frames`` of a pad with ``shape`` (rows, cols)."""
+        return cls(np.array([frame.values for frame in frames], np.float32).reshape(-1, *shape),
+                   np.array([frame.stamp for frame in frames], float),
+                   np.array([frame.sequence for frame in frames], np.int64),
+                   np.array([frame.status for frame in frames], np.uint8).reshape(-1, *shape), pad, pitch, unit)
+
     def known_of(self, k: int) -> dict:
         """Return the pad, stamp and sequence number of frame ``k`` by name, as far as the file contains them."""
         known: dict = {} if self.pad is None else {'pad': self.pad}
@@ -156,31 +165,9 @@ def read_frames(path: str, greys: Greys = DEFAULT_GREYS) -> TaxelFrames:
     return _of_archive(path, _load_archive(path, content))
 
 
-def write_archive(stream: BinaryIO, frames: Sequence[TaxelFrame], shape: tuple[int, int], *, pad: str, pitch: float,
-                  unit: str) -> None:
-    """Write taxel frames as an .npz archive with all attributes of `TaxelFrames`.
-
-    Parameters
-    ----------
-    stream
-        Binary file to write to.
-    frames
-        Taxel frames of one pad.
-    shape
-        Number of rows and columns.
-    pad
-        Name of the pad.
-    pitch
-        Distance between neighbouring taxels [m].
-    unit
-        Unit of the values.
-    """
-    np.savez_compressed(
-        stream, values=np.array([frame.values for frame in frames], np.float32).reshape(-1, *shape),
-        stamps=np.array([frame.stamp for frame in frames], float),
-        sequence=np.array([frame.sequence for frame in frames], np.int64),
-        status=np.array([frame.status for frame in frames], np.uint8).reshape(-1, *shape),
-        pad=np.array(pad), pitch=np.array(pitch), unit=np.array(unit))
+def write_archive(stream: BinaryIO, frames: TaxelFrames) -> None:
+    """Write taxel frames with all attributes as an .npz archive, which `read_frames` can read."""
+    np.savez_compressed(stream, **frames._asdict())
 
 
 def _content(path: str) -> bytes:

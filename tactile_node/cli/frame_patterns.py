@@ -1,4 +1,4 @@
-"""Read the frames for `tactile features` and `tactile classify`, and find the contact pattern in each frame."""
+"""Read the frames for `tactile features` and `tactile classify`, and write the features of each frame."""
 
 import argparse
 import sys
@@ -10,7 +10,7 @@ from tactile_node.cli.frame_file import TaxelFrames, read_frames
 from tactile_node.cli.frame_png import Greys
 from tactile_node.cli.progress import show_progress
 from tactile_node.cli.records import Record, write_records
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor
+from tactile_node.contact.pattern import PatternExtractor
 from tactile_node.contact.press import PRESS_FRACTION, PressThresholds
 from tactile_node.contact.unit_scale import UnitScale
 from tactile_node.errors import InputError
@@ -52,25 +52,6 @@ def files(args: argparse.Namespace) -> Iterator[tuple[str, TaxelFrames]]:
         yield path, found
 
 
-def patterns(path: str, found: TaxelFrames, args: argparse.Namespace, *, largest: bool) -> Iterator[ContactPattern]:
-    """Yield the contact pattern of each frame of a file.
-
-    Parameters
-    ----------
-    path
-        Name of the file, shown next to the progress bar.
-    found
-        Frames of the file.
-    args
-        Options of the command, which include the thresholds and the output.
-    largest
-        True to keep only the largest contact in a bool frame, False to keep all active taxels.
-    """
-    extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=largest)
-    for k, frame in enumerate(show_progress(found.values, path, len(found.values), prints=args.output is None)):
-        yield extractor.extract(frame, **taxels_known(found, k))
-
-
 def taxels_known(found: TaxelFrames, k: int) -> dict[str, np.ndarray]:
     """Return masks of the saturated and the unmapped taxels in frame ``k``, or no masks if the file has no status."""
     if found.status is None:
@@ -96,6 +77,8 @@ def write_features(args: argparse.Namespace) -> None:
 
 def _records(args: argparse.Namespace) -> Iterator[Record]:
     for path, found in files(args):
-        for k, pattern in enumerate(patterns(path, found, args, largest=args.largest_contact)):
+        extractor = PatternExtractor(thresholds(args), unit=found.unit, largest=args.largest_contact)
+        for k, frame in enumerate(show_progress(found.values, path, prints=args.output is None)):
+            pattern = extractor.extract(frame, **taxels_known(found, k))
             yield {'file': path, 'frame': k, **found.known_of(k),
                    **compute_features(pattern.mask, args.groups).as_json()}

@@ -11,7 +11,7 @@ BAR_DELAY = 1.0  #: delay before the bar appears, so that short tasks show no ba
 Item = TypeVar('Item')
 
 
-def show_progress(items: Iterable[Item], what: str, total: int, *, prints: bool) -> Iterator[Item]:
+def show_progress(items: Iterable[Item], what: str, *, prints: bool) -> Iterator[Item]:
     """Yield frames, and show a progress bar.
 
     Parameters
@@ -20,14 +20,12 @@ def show_progress(items: Iterable[Item], what: str, total: int, *, prints: bool)
         Frames to yield.
     what
         Text shown next to the bar.
-    total
-        Number of frames.
     prints
         True if the results go to standard output. If standard output is a terminal, the results show the progress, so
         no bar is drawn.
     """
     hidden = True if prints and sys.stdout.isatty() else None  # None makes tqdm show the bar only on a terminal
-    yield from tqdm(items, what, total, unit=' frames', delay=BAR_DELAY, disable=hidden, leave=False,
+    yield from tqdm(items, what, unit=' frames', delay=BAR_DELAY, disable=hidden, leave=False,
                     dynamic_ncols=True)
 
 

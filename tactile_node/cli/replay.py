@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from tactile_node.bus.bus_settings import DEFAULT_LAYOUT
-from tactile_node.cli.bag_frames import RecordedPad, read_bag
-from tactile_node.cli.frame_file import write_archive
+from tactile_node.cli.bag_frames import read_bag
+from tactile_node.cli.frame_file import TaxelFrames, write_archive
 from tactile_node.cli.options import (
     add_log_options,
     add_output_option,
@@ -63,8 +63,8 @@ def _play_log(args: argparse.Namespace) -> int:
                           window=window_of(args), keep=bool(outputs))
         for pad in pads if outputs else ():
             layout = pad.layout
-            found = RecordedPad((layout.rows, layout.cols), layout.pitch, layout.value.unit, played.frames[pad.name])
-            _write(outputs[pad.name], found, pad.name)
+            write_archive(outputs[pad.name], TaxelFrames.of(
+                played.frames[pad.name], (layout.rows, layout.cols), pad.name, layout.pitch, layout.value.unit))
     facts = played.source.facts()
     print(summary(facts))
     for error in played.unused:
@@ -88,7 +88,8 @@ def _convert_bag(args: argparse.Namespace) -> int:
     with _opened(args, recording.pads) as outputs:
         pads = read_bag(recording)
         for name, stream in outputs.items():
-            _write(stream, pads[name], name)
+            shape, pitch, unit, frames = pads[name]
+            write_archive(stream, TaxelFrames.of(frames, shape, name, pitch, unit))
     for name, found in pads.items():
         print(f'{name}: {found.summary}')
     return UNREAD_EXIT if recording.unread else 0
@@ -102,10 +103,6 @@ def _opened(args: argparse.Namespace, names: Sequence[str]) -> Iterator[dict[str
         check_writable(path, [args.log], force=args.force)
     with ExitStack() as stack:
         yield {name: stack.enter_context(output_file(path, [args.log])) for name, path in paths.items()}
-
-
-def _write(stream: BinaryIO, found: RecordedPad, pad: str) -> None:
-    write_archive(stream, found.frames, found.shape, pad=pad, pitch=found.pitch, unit=found.unit)
 
 
 def _outputs(output: str | None, names: Sequence[str]) -> dict[str, Path]:

@@ -19,12 +19,12 @@ from tactile_node.cli.options import (
 )
 from tactile_node.cli.progress import count_progress
 from tactile_node.interruption import interruption
-from tactile_node.logs.series import files_of
 from tactile_node.logs.topic_bag import holds_taxels
 from tactile_node.output_file import check_writable, output_file
 from tactile_node.viewing.findings import findings
 from tactile_node.viewing.recordings import BagRecording, LogRecording
 from tactile_node.viewing.report_page import page_of
+from tactile_node.viewing.reported_file import files_in
 from tactile_node.viewing.reporter import BagReporter, LogReporter
 
 
@@ -47,7 +47,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    check_writable(args.output, _files(args.log), force=args.force)
+    check_writable(args.output, files_in(args.log), force=args.force)
     with interruption() as stop_requested, output_file(args.output) as stream, \
             count_progress(Path(args.log).name, ' frames') as bar:
         report = _reporter(args, bar.update).report(stop_requested)
@@ -70,9 +70,3 @@ def _reporter(args: argparse.Namespace, on_message: Callable[[], object]) -> Bag
     log = LogRecording(args.log, pads_of(args, args.pads), args.channel, args.any_device, window_of(args),
                        eds_of(args))
     return LogReporter(log, bit_rate=args.bitrate, recogniser=recogniser_of(args), on_message=on_message)
-
-
-def _files(log: str) -> list[str]:
-    """Return the files of the recording, which the page must not overwrite."""
-    path = Path(log)
-    return [str(file) for file in (path.iterdir() if path.is_dir() else files_of(path))]

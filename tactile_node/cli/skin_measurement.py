@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from tactile_node.cli import assess, calibrate
-from tactile_node.cli.frame_file import write_archive
+from tactile_node.cli.frame_file import TaxelFrames, write_archive
 from tactile_node.commissioning.commissioned_gripper import Act, Person, Question
 from tactile_node.commissioning.commissioning_record import CommissioningRecord
 from tactile_node.errors import ConfigurationError
@@ -93,5 +93,5 @@ def _recording(gripper: RosGripper, person: Person, pad: str, folder: Path, name
     gripper.tap = None
     first = gripper.first_frame
     with output_file(path) as stream:
-        write_archive(stream, frames, (first.rows, first.cols), pad=pad, pitch=first.pitch, unit=first.unit)
+        write_archive(stream, TaxelFrames.of(frames, (first.rows, first.cols), pad, first.pitch, first.unit))
     return str(path)

@@ -42,7 +42,7 @@ def touches_of(name: str, args: argparse.Namespace, finder_type: type[TouchFinde
     """Return the touches of one object from its files, or live from the bus if it has no files.
 
     The function also prints the number of touches. Live touches are recorded in the folder of --output, or in the
-    working folder.
+    working folder. If a log of this name exists, they are recorded to a new file next to that log.
 
     Parameters
     ----------
@@ -57,6 +57,8 @@ def touches_of(name: str, args: argparse.Namespace, finder_type: type[TouchFinde
     ------
     KeyboardInterrupt
         Raised if the user stops a live recording.
+    BusError
+        Raised if the bus fails, or if no frame arrives for FRAME_TIMEOUT.
     """
     files = args.sources.get(name)
     if files:
@@ -67,8 +69,7 @@ def touches_of(name: str, args: argparse.Namespace, finder_type: type[TouchFinde
                 _say(f'{name}: {path}: {each}{"" if each.unused else ", because no frame has a contact"}')
         touches = _join(found)
     else:
-        folder = Path(args.output).parent if args.output else Path()
-        touches = live_touches(name, args.touches, args, str(folder / f'{name}_touches.log'), finder_type)
+        touches = _live_touches(name, args, finder_type)
     print(f'{name}: {touches}')
     return touches
 
@@ -97,44 +98,20 @@ def _in_log(path: str, finder_type: type[TouchFinder], args: argparse.Namespace)
     return _join(found)
 
 
-def live_touches(name: str, count: int, args: argparse.Namespace, record: str,
-                 finder_type: type[TouchFinder] = TouchFinder) -> Touches:
-    """Guide the user through the touches of one object, and record the live bus.
-
-    If the log ``record`` exists, the function records to a new file next to that log. The function always prints the
-    path of the recording, even after an error.
-
-    Parameters
-    ----------
-    name : str
-        Name of the object.
-    count : int
-        Number of touches.
-    args : argparse.Namespace
-        Options that describe the skin and the bus.
-    record : str
-        Path of the log to record.
-    finder_type : type[TouchFinder]
-        Finder that selects the touches to use.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Raised if the user stops the recording.
-    BusError
-        Raised if the bus fails, or if no frame arrives for FRAME_TIMEOUT.
-    """
+def _live_touches(name: str, args: argparse.Namespace, finder_type: type[TouchFinder]) -> Touches:
+    """Guide the user through the touches, and record the bus. Print the path of the log even after an error."""
+    record = (Path(args.output).parent if args.output else Path()) / f'{name}_touches.log'
     pad = single_pad_of(args, 'Touch one pad; the result is also valid for the other pad.')
     frames: SimpleQueue[np.ndarray] = SimpleQueue()
     failures: list[Failure] = []
     pads = with_dictionaries((pad,), eds_of(args))
-    bus = SkinBus(bus_settings_of(args, record), pads, lambda _, frame: frames.put(frame.values),
+    bus = SkinBus(bus_settings_of(args, str(record)), pads, lambda _, frame: frames.put(frame.values),
                   on_failure=failures.append)
     try:
         bus.open()
         bus.configure()
         bus.start()
-        return _guide(name, count, pad.layout, frames, failures, finder_type)
+        return _guide(name, args.touches, pad.layout, frames, failures, finder_type)
     finally:
         recorded = bus.recorded_to
         bus.close()

@@ -69,10 +69,6 @@ class Evaluation:
         """Names of the left and the right pad in the driver; empty if unknown."""
         return [self.plan.pads[pad] for pad in self.record['pads'].get('order', [])]
 
-    def of_skin(self, step: str) -> dict[str, str]:
-        """Return the file and the text of the step `response` or `assessment`, or an empty dict."""
-        return self.record[step]
-
     @property
     def mountings(self) -> list[PadMounting]:
         """How the left and the right pad are mounted; empty if unknown."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_node.commissioning.commissioned_gripper import DIRECTIONS, Act, CommissionedGripper, Person, Question
 from tactile_node.commissioning.mistake import Mistake, RefusedStepError
-from tactile_node.commissioning.movement import NOISES, joint_noise
+from tactile_node.commissioning.movement import NOISES
 from tactile_node.commissioning.plan import CommissioningPlan
 from tactile_node.commissioning.recording import PadFrames, Recording, joined
 
@@ -174,8 +174,8 @@ class GuardedGripper:
 
     def measure_noise(self, where: str) -> float:
         """Return the noise of the joint, and keep it as ``noise``."""
-        recording = self.watch(1.0, where, may_touch=True)
-        self.noise = max(joint_noise(recording.joint), LEAST_NOISE * self._plan.travel)
+        positions = self.watch(1.0, where, may_touch=True).joint.positions
+        self.noise = max(float(positions.std(ddof=1)), LEAST_NOISE * self._plan.travel)
         return self.noise
 
     def renew_zero(self, where: str) -> None:

@@ -122,11 +122,6 @@ def stop_latency(trials: Sequence[StopTrial], period: float, noise: float, speed
     return upper_bound(times, period) + unseen
 
 
-def joint_noise(joint: JointStates) -> float:
-    """Return the standard deviation of the joint at rest."""
-    return float(joint.positions.std(ddof=1))
-
-
 def measure_speed(movements: Sequence[JointStates], noise: float) -> Estimate:
     """Return the mean speed in the middle of several movements [reading/s]."""
     speeds = []

@@ -45,10 +45,10 @@ def measured_parameters(found: Evaluation, plan: CommissioningPlan) -> MeasuredP
     nodes: dict[str, dict[str, Any]] = {'skin_driver': {}, 'grasp': {}, 'touch_gripper': {}, 'classifier': {}}
     absent: dict[str, str] = {}
     for step, node, name in (('response', 'skin_driver', 'response_files'), ('assessment', 'classifier', 'model')):
-        if file := found.of_skin(step).get('file'):
+        if file := found.record[step].get('file'):
             nodes[node][name] = [file] if node == 'skin_driver' else file
         else:
-            absent[name] = ('the model was not improved, or no unknown objects were touched' if found.of_skin(step)
+            absent[name] = ('the model was not improved, or no unknown objects were touched' if found.record[step]
                             else 'the skin was not measured')
     _add_opening(nodes, absent, found, plan)
     _add_pads(nodes, absent, found, plan)

@@ -51,7 +51,7 @@ def page_text(found: Evaluation, parameters: MeasuredParameters, about: Mapping[
     for file, caption in pictures.items():
         lines += ['', f'![{caption}]({file})', '', caption]
     for step in SKIN_STEPS:
-        text = found.of_skin(step).get('text', 'The step was not carried out.')
+        text = found.record[step].get('text', 'The step was not carried out.')
         lines += ['', f'## Skin: {step}', '', *(f'    {line}'.rstrip() for line in text.strip().splitlines())]
     lines += ['', '## Before you use the parameters', '', *(f'- {note}' for note in parameters.notes or ['Nothing.'])]
     lines += ['', '## Parameters that are missing', '']
@@ -89,7 +89,7 @@ def report_data(found: Evaluation, parameters: MeasuredParameters, about: Mappin
                               'verdict': each.verdict.value, 'reason': each.reason}
                              for each in measurement_lines(found)],
             'fastest_speeds': [{'overshoot': force, 'speed': _number(found.allowed_speed(force))} for force in FORCES],
-            'skin': {step: found.of_skin(step).get('text') for step in SKIN_STEPS},
+            'skin': {step: found.record[step].get('text') for step in SKIN_STEPS},
             'parameters': parameters.nodes, 'absent': parameters.absent, 'notes': list(parameters.notes)}
 
 

@@ -4,7 +4,6 @@ config/teach_background.npz holds contacts of the five shapes and foreign contac
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -32,15 +31,13 @@ class Background(NamedTuple):
     labels: np.ndarray
 
 
-def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background:
+def load_background(kind: str) -> Background:
     """Return the background contacts for one kind of frame.
 
     Parameters
     ----------
     kind : str
         'graded' or 'on_off'.
-    path : str or Path
-        The file.
 
     Raises
     ------
@@ -48,7 +45,7 @@ def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background
         Raised if the file cannot be used.
     """
     try:
-        data = read_arrays(config_path(str(path)))
+        data = read_arrays(config_path(BACKGROUND_FILE))
         packed, unseen, labels = (data[f'{kind}_{name}'] for name in ('levels', 'unseen', 'labels'))
         levels = np.stack((packed >> 4, packed & 15), -1).reshape(-1, SIDE, SIDE) / np.float32(LEVEL_FRACTIONS)
         cells = np.unpackbits(unseen, axis=1)[:, :SIDE * SIDE].reshape(-1, SIDE, SIDE).astype(np.float32)
@@ -56,7 +53,7 @@ def load_background(kind: str, path: str | Path = BACKGROUND_FILE) -> Background
                    for level, cell, scale in zip(levels, cells, data[f'{kind}_scales'], strict=True)]
         return Background(patches, labels.astype(int))
     except (OSError, KeyError, ValueError, TypeError) as error:
-        raise ConfigurationError(f'background, {path}', expected='a file written by training/background.py',
+        raise ConfigurationError(f'background, {BACKGROUND_FILE}', expected='a file written by training/background.py',
                                  got=' '.join(str(error).split()), remedy='Install the package again.') from None
 
 

@@ -1,11 +1,11 @@
 """Find presses of a disc in the frames of a pad, for the calibration of a skin."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 
 from tactile_node.contact.neighbours import grown
-from tactile_node.learning.touches import Touch, Touches, TouchFinder, TouchFrame, Unused, choose_frames
+from tactile_node.learning.touches import Touch, TouchFinder, TouchFrame, Unused
 from tactile_node.pose.pipeline import FoundContact
 from tactile_node.shape.recognition import Shape
 
@@ -23,6 +23,7 @@ class PressFinder(TouchFinder):
     """Finds the presses of a disc on one pad. The frames of a touch run from the lightest to the hardest."""
 
     lightest = 0.2
+    most_frames = PRESS_FRAMES
     least_taxels = 40  # with fewer taxels, the error of a fit exceeds the error due to a skin's response
 
     def _why_unclear(self, found: FoundContact) -> Unused | None:
@@ -33,23 +34,8 @@ class PressFinder(TouchFinder):
             return Unused.SATURATED
         return None if self._pipeline.recognise_alone(found)[1].shape is Shape.CIRCLE else Unused.NO_CIRCLE
 
-    def _choose(self, frames: list[TouchFrame]) -> Touch:
-        return choose_frames(sorted(frames, key=lambda frame: frame.strength), PRESS_FRAMES)
-
-
-def find_presses(frames: Iterable[np.ndarray], saturated: Iterable[np.ndarray | None], unit: str | None) -> Touches:
-    """Return the presses in successive frames.
-
-    Parameters
-    ----------
-    frames : iterable of np.ndarray
-        Readings of each frame, (rows, cols).
-    saturated : iterable of np.ndarray or None
-        Saturated taxels of each frame, bool (rows, cols), or None if the frame has none.
-    unit : str or None
-        Unit of the readings, as in `find_contact`.
-    """
-    return PressFinder(unit).find(frames, saturated)
+    def _choose(self, frames: Sequence[TouchFrame]) -> Touch:
+        return super()._choose(sorted(frames, key=lambda frame: frame.strength))
 
 
 def subtract_zero(frames: np.ndarray) -> np.ndarray:

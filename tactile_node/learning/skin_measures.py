@@ -43,68 +43,35 @@ def measure_skin(frames: Sequence[TouchFrame]) -> SkinMeasures:
     levels = [float(np.nanmedian(values[frame.mask])) for frame, values in raised]
     noise = [_median(frame.pattern.noise) / level for (frame, _), level in zip(raised, levels)]
     halo = [_skirt(values, frame.mask) / level for (frame, values), level in zip(raised, levels)]
-    residuals = [_residual(frame) for frame, _ in raised]
-    touched_often = [of_taxel for of_taxel in by_place(residuals) if len(of_taxel) >= OFTEN]
-    gains = fixed_part(touched_often) if len(touched_often) >= LEAST_TAXELS else np.nan
+    residuals = [_residual(values, frame.mask) for frame, values in raised]
+    by_taxel: Iterable[np.ndarray] = np.reshape(residuals, (len(residuals), -1)).T if residuals else []
+    touched_often = [known for of in by_taxel if len(known := of[np.isfinite(of)]) >= OFTEN]
+    gains = _fixed_part(touched_often) if len(touched_often) >= LEAST_TAXELS else np.nan
     return SkinMeasures(_median(np.array(noise)), gains, _median(np.array(halo)))
 
 
-def residual(frame: np.ndarray, mask: np.ndarray, largest: float) -> np.ndarray:
-    """Return how far the logarithm of each reading in a contact deviates from that of its neighbours.
+def _residual(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Return how far the logarithm of each reading in a contact deviates from that of its neighbours, (rows, cols).
 
-    Parameters
-    ----------
-    frame : np.ndarray
-        Readings, (rows, cols).
-    mask : np.ndarray
-        Taxels of the contact, bool (rows, cols).
-    largest : float
-        Readings at or above this value are not used. The value can be the end of the taxels' range.
-
-    Returns
-    -------
-    np.ndarray
-        Deviations, (rows, cols), scaled so that they have the variance of a single taxel. The deviation is NaN for
-        taxels outside the contact or with fewer than LEAST_NEIGHBOURS usable neighbours in the contact.
+    The deviations are scaled so that they have the variance of a single taxel. A taxel with fewer than LEAST_NEIGHBOURS
+    usable neighbours is NaN. The highest readings are not usable, because they may lie at the end of the range.
     """
-    valid = mask & (frame > 0) & (frame < largest)
-    logs = np.where(valid, np.log(np.maximum(frame, 1e-9)), 0.0)
+    valid = mask & (values > 0) & (values < float(np.nanmax(values)))
+    logs = np.where(valid, np.log(np.maximum(values, 1e-9)), 0.0)
     count, total = (ndimage.convolve(of.astype(float), AROUND, mode='constant') for of in (valid, logs))
     of_whole = valid & (count >= LEAST_NEIGHBOURS)
     count = np.maximum(count, 1)
     return np.where(of_whole, (logs - total / count) / np.sqrt(1 + 1 / count), np.nan)
 
 
-def fixed_part(residuals: Iterable[np.ndarray]) -> float:
-    """Return the standard deviation of the part of residuals that is constant for each taxel.
+def _fixed_part(residuals: Sequence[np.ndarray]) -> float:
+    """Return the standard deviation of the part of the residuals that each taxel keeps in all frames.
 
-    Parameters
-    ----------
-    residuals : Iterable[np.ndarray]
-        Residuals of each taxel over the frames. Taxels with fewer than OFTEN values are not used.
-
-    Returns
-    -------
-    float
-        Standard deviation by one-way analysis of variance; NaN for fewer than two taxels.
+    ``residuals`` holds the residuals of each taxel, which are compared by one-way analysis of variance.
     """
-    own = [one for one in residuals if len(one) >= OFTEN]
-    if len(own) < 2:
-        return np.nan
-    within = np.mean([one.var(ddof=1) for one in own])
-    between = np.var([one.mean() for one in own], ddof=1) - within * np.mean([1 / len(one) for one in own])
+    within = np.mean([one.var(ddof=1) for one in residuals])
+    between = np.var([one.mean() for one in residuals], ddof=1) - within * np.mean([1 / len(one) for one in residuals])
     return float(np.sqrt(max(between, 0)))
-
-
-def by_place(residuals: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Return the valid residuals of each taxel or line over the frames."""
-    stacked = np.reshape(residuals, (len(residuals), -1)).T if residuals else np.zeros((0, 0))
-    return [of[np.isfinite(of)] for of in stacked]
-
-
-def _residual(frame: TouchFrame) -> np.ndarray:
-    values = _raised(frame)
-    return residual(values, frame.mask, float(np.nanmax(values)))
 
 
 def _raised(frame: TouchFrame) -> np.ndarray:

@@ -19,7 +19,6 @@ from tactile_node.pose.pipeline import ContactPipeline, FoundContact, Taxels
 from tactile_node.shape.patch import join_pieces
 from tactile_node.shape.shapeless import is_cut, is_shapeless
 
-TOUCH_FRAMES = 5         #: Number of frames kept from a touch.
 CENTRE_MOVED = 1.0       #: If the centre moves by more than this in one frame, another touch begins [pitches].
 MOST_HIDDEN_SHARE = 0.1  #: Largest share of the contact's taxels that may lack a value.
 
@@ -107,6 +106,7 @@ class TouchFinder:
     #: is still being set down or lifted.
     lightest = 0.5
     least_taxels = 12  #: Smallest number of taxels with which a contact shows a shape.
+    most_frames = 5    #: Largest number of frames kept from a touch.
 
     def __init__(self, unit: str | None):
         self._pipeline, self._taxels = ContactPipeline(), Taxels(unit=unit)
@@ -184,14 +184,10 @@ class TouchFinder:
             return Unused.HIDDEN
         return Unused.SHAPELESS if is_shapeless(found.pattern) else None
 
-    def _choose(self, frames: list[TouchFrame]) -> Touch:
-        return choose_frames(frames, TOUCH_FRAMES)
-
-
-def choose_frames(frames: Sequence[TouchFrame], most: int) -> Touch:
-    """Return a touch with at most ``most`` of the frames, evenly spaced."""
-    which = np.unique(np.linspace(0, len(frames) - 1, most).round().astype(int))
-    return Touch(tuple(frames[k] for k in which))
+    def _choose(self, frames: Sequence[TouchFrame]) -> Touch:
+        """Return a touch with some of the frames, evenly spaced."""
+        which = np.unique(np.linspace(0, len(frames) - 1, self.most_frames).round().astype(int))
+        return Touch(tuple(frames[k] for k in which))
 
 
 class AnyTouchFinder(TouchFinder):

@@ -1,6 +1,5 @@
 """Read this package's topics from a ROS 2 bag without ROS."""
 
-from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -95,9 +94,9 @@ class TopicBagReader:
         return tuple(sorted(pad_of(topic) for topic, kind in self.topics.items() if kind == TAXELS))
 
     @property
-    def unread(self) -> Counter[DamageKind]:
-        """Number of messages or parts omitted during the last read, by reason."""
-        return Counter(damage.kind for damage in self.damages)
+    def unread(self) -> int:
+        """Number of messages or parts omitted during the last read."""
+        return len(self.damages)
 
     @property
     def problem(self) -> str:

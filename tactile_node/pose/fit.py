@@ -217,19 +217,10 @@ def fit_contact(pattern: ContactPattern, shape: ShapeClass, pitch: float = 1.0, 
     ----------
     pattern : ContactPattern
         Pattern of the frame.
-    shape : ShapeClass
-        Shape to fit.
-    pitch : float
-        Distance between neighbouring taxels [m].
-    layer : Layer or None
-        Layer of a calibrated skin, or None if the layer is unknown.
     visibility : Visibility or None
         Visibility of the pattern, or None to compute it from the pattern.
-    outlines : dict[Shape, OutlineFit] or None
-        Fits to earlier frames of the contact, which the function continues and extends, or None to search in this frame
-        alone.
-    stamp : float
-        Acquisition time of the frame [s], used only with ``outlines``.
+    shape, pitch, layer, outlines, stamp
+        As for `fit_shape`.
     """
     taxels = pattern.mask if are_on_off(pattern.values) else pattern.values
     fit = fit_shape(taxels, pattern.mask, shape, pitch, layer, outlines, stamp)

@@ -6,10 +6,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from tactile_node.contact.neighbours import grown
-from tactile_node.contact.pattern import MOST_LABELS, ContactPattern
+from tactile_node.contact.pattern import ContactPattern
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.errors import ConfigurationError, InputError
-from tactile_node.taxel_frame import NO_SIDE, SkinSide
 
 
 def check_pitch(pitch: float) -> None:
@@ -122,9 +121,9 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
     near = grown(mask)  # the contact with its ring
     y, x = np.nonzero(near)
     force_sd, deviation = _deviations(values, mask, near, of_contact, noise=np.asarray(noise, float))
-    of_unit, is_bound = _newtons(unit, pitch), visibility.is_part
+    of_unit, is_bound = force_of_reading(unit, pitch), visibility.is_part
     return ContactMoments(
-        force=float((total + _sum_of(values, near & ~mask)) * of_unit),
+        force=float((total + sum_of(values, near & ~mask)) * of_unit),
         centre_of_pressure=(centre[0] * pitch, centre[1] * pitch),
         area=len(rows) * pitch**2, filled=filled, force_sd=force_sd * of_unit,
         centre_of_pressure_sd=(_centre_sd(deviation, x - centre[0], total) * pitch,
@@ -134,52 +133,12 @@ def contact_moments(values: np.ndarray, mask: np.ndarray, pitch: float, unit: st
         slope=(np.nan, np.nan) if is_bound else _slope(np.where(mask, values, np.nan), of_unit / pitch**3))
 
 
-def pad_force(contact: ContactMoments, pattern: ContactPattern, pitch: float, unit: str,
-              visibility: Visibility, finger_ends: SkinSide = NO_SIDE) -> tuple[float, bool]:
-    """Return the total force of all contacts on a pad.
-
-    For every contact except the main one, a single hidden taxel in or beside the contact makes the total a bound,
-    because no standard deviation accounts for that taxel.
-
-    Parameters
-    ----------
-    contact : ContactMoments
-        Moments of the main contact, which the mask of ``pattern`` marks.
-    pattern : ContactPattern
-        Pattern of the frame.
-    pitch : float
-        Distance between neighbouring taxels [m].
-    unit : str
-        Unit of the values, as for `contact_moments`.
-    visibility : Visibility
-        Visibility of ``pattern``.
-    finger_ends : SkinSide
-        Sides on which the finger ends at the edge of the skin.
-
-    Returns
-    -------
-    force : float
-        Force [N]; NaN if the force of the main contact is NaN.
-    is_bound : bool
-        True if the force is a lower bound, because the force of a contact is a bound or hidden taxels could hold
-        another contact.
-    """
-    others = (pattern.labels > 0) & ~pattern.mask
-    is_bound = contact.force_is_bound or not visibility.pad_seen
-    if not np.count_nonzero(others):
-        return contact.force, is_bound
-    seen = visibility_of(pattern._replace(mask=others), 1, finger_ends)
-    total = _sum_of(pattern.values, grown(others) & ~grown(pattern.mask))
-    is_bound = is_bound or seen.is_part or pattern.contacts > MOST_LABELS
-    return contact.force + total * _newtons(unit, pitch), is_bound
-
-
-def _newtons(unit: str, pitch: float) -> float:
-    """Return the force on a taxel that reads 1 [N]."""
+def force_of_reading(unit: str, pitch: float) -> float:
+    """Return the force on a taxel that reads 1 in the ``unit`` of the values [N], for a ``pitch`` in metres."""
     return {'Pa': pitch**2, 'N': 1.0, '1': np.nan}[unit]
 
 
-def _sum_of(values: np.ndarray, taxels: np.ndarray) -> float:
+def sum_of(values: np.ndarray, taxels: np.ndarray) -> float:
     """Return the sum of the values of some ``taxels``, in which invalid and negative values count as 0."""
     return float(np.fmax(values[taxels], 0).sum())
 

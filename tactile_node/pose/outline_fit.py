@@ -98,15 +98,7 @@ class OutlineFit:
             self._stamp = stamp
 
     def search(self, evidence: Evidence, layer: Layer | None = None) -> None:
-        """Search for the outline from several starting points.
-
-        Parameters
-        ----------
-        evidence : Evidence
-            Taxels to which the outline is fitted.
-        layer : Layer or None
-            Layer of a calibrated skin, with lengths in pitches, or None if the layer is unknown.
-        """
+        """Search for the outline from several starting points. The parameters are those of `estimate`."""
         candidates = self._coarse_candidates(evidence, layer)
         weights = min(candidates, key=_misfit).new_weights()
         candidates = [candidate.weighted(weights).with_likely_peak() for candidate in candidates]

@@ -10,13 +10,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactile_node.contact.pattern import ContactPattern, PatternExtractor, of_contact
+from tactile_node.contact.neighbours import grown
+from tactile_node.contact.pattern import MOST_LABELS, ContactPattern, PatternExtractor, of_contact
 from tactile_node.contact.press import SMALLEST_CONTACT, PressThresholds
 from tactile_node.contact.visibility import Visibility, visibility_of
 from tactile_node.pose.box import ContactBox, contact_box
 from tactile_node.pose.events import Motion
 from tactile_node.pose.fit import ShapeFit, fit_contact
-from tactile_node.pose.moments import ContactMoments, contact_moments, pad_force
+from tactile_node.pose.moments import ContactMoments, contact_moments, force_of_reading, sum_of
 from tactile_node.pose.motion import SHIFT_PER_LOAD, MotionFollower, Sight
 from tactile_node.pose.outline_fit import OutlineFit
 from tactile_node.pose.profiles import Layer
@@ -80,12 +81,8 @@ class FoundContact(NamedTuple):
 
         Parameters
         ----------
-        shape : ShapeClass
-            Shape to fit.
-        outlines : dict[Shape, OutlineFit] or None
-            Fits to earlier frames of the contact, as for `fit_contact`.
-        stamp : float
-            Acquisition time of the frame [s], used only with ``outlines``.
+        shape, outlines, stamp
+            As for `fit_shape`.
         """
         if not np.count_nonzero(self.pattern.mask):
             return None
@@ -99,9 +96,28 @@ class FoundContact(NamedTuple):
                                self.taxels.unit or ON_OFF_UNIT, self.visibility, self.pattern.noise)
 
     def pad_force(self, moments: ContactMoments) -> tuple[float, bool]:
-        """Return the force of all contacts [N] and whether it is a bound, given the ``moments`` of this contact."""
-        return pad_force(moments, self.pattern, self.taxels.pitch, self.taxels.unit or ON_OFF_UNIT, self.visibility,
-                         self.taxels.finger_ends)
+        """Return the force of all contacts on the pad, given the ``moments`` of this contact.
+
+        For every contact except this one, a single hidden taxel in or beside the contact makes the total a bound,
+        because no standard deviation accounts for that taxel.
+
+        Returns
+        -------
+        force : float
+            Force [N]; NaN if the force of this contact is NaN.
+        is_bound : bool
+            True if the force is a lower bound, because the force of a contact is a bound or hidden taxels could hold
+            another contact.
+        """
+        pattern, taxels = self.pattern, self.taxels
+        others = (pattern.labels > 0) & ~pattern.mask
+        is_bound = moments.force_is_bound or not self.visibility.pad_seen
+        if not np.count_nonzero(others):
+            return moments.force, is_bound
+        seen = visibility_of(pattern._replace(mask=others), 1, taxels.finger_ends)
+        total = sum_of(pattern.values, grown(others) & ~grown(pattern.mask))
+        is_bound = is_bound or seen.is_part or pattern.contacts > MOST_LABELS
+        return moments.force + total * force_of_reading(taxels.unit or ON_OFF_UNIT, taxels.pitch), is_bound
 
     @property
     def box(self) -> ContactBox:

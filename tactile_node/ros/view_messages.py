@@ -252,7 +252,7 @@ def wrench_message(contact: PadContact) -> WrenchStamped:
 def _known(contact: FoundContact) -> list[_Pressing] | None:
     """Return the force and the centre of each contact, or None if any contact is not completely known.
 
-    A taxel that is next to two contacts counts for the first one, as in `pose.moments.pad_force`.
+    A taxel that is next to two contacts counts for the first one, as in `FoundContact.pad_force`.
     """
     pattern, visibility, taxels, smallest_contact = contact
     if not visibility.pad_seen or taxels.unit == ON_OFF_UNIT or pattern.contacts > MOST_LABELS:

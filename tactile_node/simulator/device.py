@@ -249,9 +249,7 @@ class SimulatedDevice:
 
     def _compile(self, now: float) -> list[ConfiguredTpdo]:
         """Compile the TPDOs from the current content of their records, and schedule the event-driven TPDOs."""
-        known = self._node.object_dictionary
-        numbers = [i for i in range(objects.MAX_TPDOS) if objects.TPDO_COMMUNICATION + i in known]
-        self._tpdos = self._records.compile(numbers)
+        self._tpdos = self._records.compile()
         self._schedule = EventSchedule(self._tpdos, now)
         return self._tpdos
 

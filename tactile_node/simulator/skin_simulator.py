@@ -1,7 +1,6 @@
 """Simulate the CANopen devices of one or more pads on one python-can bus."""
 
 import random
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -9,15 +8,14 @@ import can
 from canopen import Network
 from canopen.network import PeriodicMessageTask
 
-from tactile_node.bus.batch_reader import Batch
 from tactile_node.bus.bus_network import BusNetwork
 from tactile_node.bus.bus_settings import DEFAULT_BITRATE
 from tactile_node.bus.open_bus import open_bus
 from tactile_node.cia301.frame_bits import CanFrame
 from tactile_node.simulator.device import SimulatedDevice, TaxelSource
-from tactile_node.simulator.segment import LiveSegment, Segment
-from tactile_node.simulator.slcan_pty import SlcanPty, frame_of
-from tactile_node.simulator.wire import Carried, Wire, WireReport
+from tactile_node.simulator.segment import Segment
+from tactile_node.simulator.wire import Carried, WireReport
+from tactile_node.simulator.wire_gateway import WireGateway
 from tactile_node.skin.pads import LivePad, check_pads
 
 
@@ -109,57 +107,6 @@ class PeriodicFrame(PeriodicMessageTask):
         self._is_stopped = True
 
 
-class WireGateway(LiveSegment):
-    """Connects the bus of the host to a simulated wire.
-
-    Each CAN frame that the host sends on ``bus`` takes part in arbitration on the wire. Each CAN frame from a device is
-    delivered to the host at the end of the frame.
-
-    Parameters
-    ----------
-    bus
-        Bus of the host.
-    settings
-        Timing settings of the wire.
-    on_failure
-        Called with the error if the bus does not accept a frame.
-    """
-
-    def __init__(self, bus: can.BusABC, settings: WireSettings, on_failure: Callable[[Exception], None]):
-        super().__init__(Wire(settings.bitrate), self._send_to_host, lambda: getattr(bus, 'lost', 0),
-                         settings.batch, is_shared=not isinstance(bus, SlcanPty))
-        self._bus = bus
-        self._settings = settings
-        self._on_failure = on_failure
-        self._to_wall_clock = time.time() - time.monotonic()
-        self.start()
-
-    def network(self, node_id: int) -> WireNetwork:
-        """Return the network that connects the device ``node_id`` to the wire."""
-        return WireNetwork(self, self._settings, node_id, self._to_wall_clock)
-
-    def received(self, batch: Batch) -> None:
-        """Forward frames from the host to the wire."""
-        for message in batch.messages:
-            if not message.is_error_frame and not message.is_fd:
-                self.send(frame_of(message))
-
-    def _send_to_host(self, frames: Sequence[CanFrame]) -> None:
-        try:
-            if isinstance(self._bus, SlcanPty):
-                self._bus.send_all(frames)
-            else:
-                for frame in frames:
-                    self._bus.send(message_of(frame))
-        except (can.CanError, OSError, ValueError) as error:
-            self._on_failure(error)
-
-
-def message_of(frame: CanFrame) -> can.Message:
-    return can.Message(arbitration_id=frame.can_id, is_extended_id=frame.is_extended,
-                       is_remote_frame=frame.is_remote, dlc=frame.dlc, data=frame.data, is_rx=False)
-
-
 class SkinSimulator:
     """Simulates the devices of pads on one bus, from ``start`` to ``stop``.
 
@@ -202,15 +149,15 @@ class SkinSimulator:
     def start_on(self, bus: can.BusABC) -> None:
         """Boot the devices on ``bus``. ``stop`` closes the bus."""
         if self._wire is not None:
-            self._gateway = WireGateway(bus, self._wire, self._on_failure)
+            self._gateway = WireGateway(bus, self._wire.bitrate, self._wire.batch, self._on_failure)
         received = self._gateway.received if self._gateway is not None else lambda batch: None
         self._network = BusNetwork(bus, received, lambda fault, error: self._on_failure(error))
         for node in self._nodes:
             source = self._sources[node.pad]
-            if self._gateway is None:
+            if self._wire is None or self._gateway is None:
                 device = SimulatedDevice(self._network, node, source)
             else:
-                network = self._gateway.network(node.node_id)
+                network = WireNetwork(self._gateway, self._wire, node.node_id, self._gateway.to_wall_clock)
                 device = SimulatedDevice(network, node, source, network.send_sweep)
             self.devices[node.node_id] = device
             device.boot()

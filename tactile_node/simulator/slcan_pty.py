@@ -24,21 +24,15 @@ OK = b'\r'
 REFUSED = b'\a'
 #: number of unread bytes above which frames are lost, as in a real adapter
 MAX_WAITING = 1 << 16
-#: bit rate of each slcan command [bit/s]
-BIT_RATES = {b'S0': 10_000, b'S1': 20_000, b'S2': 50_000, b'S3': 100_000, b'S4': 125_000, b'S5': 250_000,
-             b'S6': 500_000, b'S7': 800_000, b'S8': 1_000_000}
 
 
 class SlcanPty(can.BusABC):
-    """A python-can bus whose wire is a pseudo-terminal.
+    """A python-can bus whose wire is a pseudo-terminal. The bus accepts every bit rate that a client sets.
 
     Parameters
     ----------
     link
         Path of a symbolic link that gives the pseudo-terminal a fixed name, or '' for no link.
-    bitrate
-        Bit rate of the bus [bit/s]. A client that sets another bit rate receives no frames, and its frames are not
-        received. If None, every bit rate is accepted.
 
     Raises
     ------
@@ -46,8 +40,7 @@ class SlcanPty(can.BusABC):
         Raised if the link cannot be made, for example because another simulator uses its name.
     """
 
-    def __init__(self, link: str = '', bitrate: int | None = None):
-        self._bitrate, self._set_rate = bitrate, bitrate
+    def __init__(self, link: str = ''):
         # This process keeps its end of the port open, so that clients may connect and disconnect.
         self._master, self._port_fd = pty.openpty()
         tty.setraw(self._port_fd)
@@ -75,15 +68,13 @@ class SlcanPty(can.BusABC):
 
         The attribute ``lost`` counts the lost frames.
         """
-        self._send_lines([encode(msg)])
+        self.send_all([frame_of(msg)])
 
     def send_all(self, frames: Iterable[CanFrame]) -> None:
         """Send several frames at once, each like `send`."""
-        self._send_lines([line_of(frame) for frame in frames])
-
-    def _send_lines(self, lines: list[bytes]) -> None:
-        if not self._open or self._set_rate != self._bitrate:
+        if not self._open:
             return
+        lines = [line_of(frame) for frame in frames]
         waiting, fitting = len(self._unsent), 0
         for line in lines:
             if waiting > MAX_WAITING:
@@ -122,11 +113,8 @@ class SlcanPty(can.BusABC):
             message = decode(line)
             if message is None or not self._open or self._is_silent:
                 return REFUSED
-            if self._set_rate == self._bitrate:
-                self._received.append(message)
+            self._received.append(message)
             return (b'z' if command in (b't', b'r') else b'Z') + OK
-        if command == b'S' and self._bitrate is not None:
-            self._set_rate = BIT_RATES.get(line)
         if command in (b'O', b'L', b'C'):
             self._is_silent = command == b'L'
             return self._set_open(command != b'C')

@@ -54,34 +54,7 @@ def touch_areas(layout: SkinLayout) -> tuple[float, ...]:
 class TouchProgram:
     """A sequence of touches that repeats indefinitely. Calling the programme with a time [s] returns the taxel values.
 
-    Parameters
-    ----------
-    touches
-        Touches in chronological order.
-    values
-        Taxel values of each touch at full pressure, shape (rows, cols).
-    duration
-        Time after which the sequence repeats [s].
-    """
-
-    def __init__(self, touches: Sequence[SimulatedTouch], values: Sequence[np.ndarray], duration: float):
-        self.touches = tuple(touches)
-        self.duration = duration
-        self._values = tuple(values)
-        self._begins = [touch.begin for touch in touches]
-
-    def __call__(self, time: float) -> np.ndarray:
-        time %= self.duration
-        number = max(0, bisect_right(self._begins, time) - 1)
-        load, values = self.touches[number].load(time), self._values[number]
-        # An on/off taxel has no intermediate values, so the taxel is on while the load is above one half.
-        return values * (load if values.dtype != bool else load > 0.5)
-
-
-def touch_program(layout: SkinLayout, shapes: Sequence[str] = CLASSES,
-                  areas: tuple[float, ...] = (), seed: int = 0, hold: float = 1.0, pause: float = 0.5,
-                  rounds: int = 1) -> TouchProgram:
-    """Return a programme that presses each shape in each size, in general position.
+    The programme presses each shape in each size, in general position.
 
     Parameters
     ----------
@@ -99,18 +72,36 @@ def touch_program(layout: SkinLayout, shapes: Sequence[str] = CLASSES,
         Time between two contacts [s].
     rounds
         Number of touches for each shape and area.
+
+    Attributes
+    ----------
+    touches
+        Touches in chronological order.
+    duration
+        Time after which the sequence repeats [s].
     """
-    rng, now = np.random.default_rng(seed), pause
-    touches, values = [], []
-    silhouettes = {shape: named_silhouette(shape) for shape in shapes if shape in NAMED}
-    for area in (areas or touch_areas(layout)) * rounds:
-        for shape in shapes:
-            contact = (random_figure(rng, silhouettes[shape], area, layout.rows, layout.cols)
-                       if shape in silhouettes else random_contact(rng, shape, area, layout.rows, layout.cols))
-            touches.append(SimulatedTouch(contact, now, now + hold))
-            values.append(_values(layout, contact, rng))
-            now += hold + pause
-    return TouchProgram(touches, values, now)
+
+    def __init__(self, layout: SkinLayout, shapes: Sequence[str] = CLASSES, areas: tuple[float, ...] = (),
+                 seed: int = 0, hold: float = 1.0, pause: float = 0.5, rounds: int = 1):
+        rng, now = np.random.default_rng(seed), pause
+        self.touches: list[SimulatedTouch] = []
+        self._values: list[np.ndarray] = []  # taxel values of each touch at full pressure
+        silhouettes = {shape: named_silhouette(shape) for shape in shapes if shape in NAMED}
+        for area in (areas or touch_areas(layout)) * rounds:
+            for shape in shapes:
+                contact = (random_figure(rng, silhouettes[shape], area, layout.rows, layout.cols)
+                           if shape in silhouettes else random_contact(rng, shape, area, layout.rows, layout.cols))
+                self.touches.append(SimulatedTouch(contact, now, now + hold))
+                self._values.append(_values(layout, contact, rng))
+                now += hold + pause
+        self.duration = now
+
+    def __call__(self, time: float) -> np.ndarray:
+        time %= self.duration
+        number = max(0, bisect_right(self.touches, time, key=lambda touch: touch.begin) - 1)
+        load, values = self.touches[number].load(time), self._values[number]
+        # An on/off taxel has no intermediate values, so the taxel is on while the load is above one half.
+        return values * (load if values.dtype != bool else load > 0.5)
 
 
 def _values(layout: SkinLayout, contact: Contact | Figure, rng: np.random.Generator) -> np.ndarray:
@@ -141,20 +132,12 @@ def gripper_sources(pads: Sequence[PadSettings], shapes: Sequence[str] = CLASSES
     ----------
     pads
         Pads of the gripper.
-    shapes
-        Names of the shapes that touch the pads, of CLASSES or NAMED.
     seed
         Seed of the touches and the noise.
-    areas
-        Areas of the contacts [taxels], or empty for those of `touch_areas`.
-    rounds
-        Number of touches for each shape and area.
-    hold
-        Duration of each contact [s].
-    pause
-        Time between two contacts [s].
+    shapes, areas, rounds, hold, pause
+        As for `TouchProgram`.
     """
-    programs = [touch_program(pad.layout, shapes, areas, seed, hold, pause, rounds) for pad in pads]
+    programs = [TouchProgram(pad.layout, shapes, areas, seed, hold, pause, rounds) for pad in pads]
     return {pad.name: _felt(pad, program, -1 if i % 2 else 1, np.random.default_rng((seed, i)))
             for i, (pad, program) in enumerate(zip(pads, programs))}
 

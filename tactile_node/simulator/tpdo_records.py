@@ -3,7 +3,7 @@
 The communication and mapping records (CiA 301, 7.5.2.37 ff.) determine which TPDOs the device sends, and when.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from canopen.objectdictionary import ODRecord
@@ -56,16 +56,12 @@ class TpdoRecords:
     def has_event_timers(self) -> bool:
         return any(self._has(number, objects.EVENT_TIMER) for number in range(objects.MAX_TPDOS))
 
-    def compile(self, numbers: Iterable[int]) -> list[ConfiguredTpdo]:
-        """Return the active TPDOs according to the current content of their records, in layout order.
-
-        Parameters
-        ----------
-        numbers
-            Numbers of the TPDOs to compile, counted from 0.
-        """
+    def compile(self) -> list[ConfiguredTpdo]:
+        """Return the active TPDOs according to the current content of their records, in layout order."""
         found = []
-        for number in numbers:
+        for number in range(objects.MAX_TPDOS):
+            if objects.TPDO_COMMUNICATION + number not in self._node.dictionary:
+                continue
             frames = self._frames(number + 1)
             tpdo = self._compile(number, is_multiplexed=any(head for _, head in frames))
             if tpdo is not None:

@@ -25,16 +25,8 @@ class EdsTpdo:
     is_mpdo: bool  #: True for source addressing mode, in which the TPDO has no fixed mapping
 
 
-def eds_tpdos(dictionary: ObjectDictionary, node_id: int) -> list[EdsTpdo]:
-    """Return the TPDOs of an EDS, sorted by number.
-
-    Parameters
-    ----------
-    dictionary
-        Object dictionary from the EDS.
-    node_id
-        Node-ID for which the EDS was read.
-    """
+def _eds_tpdos(dictionary: ObjectDictionary, node_id: int) -> list[EdsTpdo]:
+    """Return the TPDOs of an EDS, which was read for a node-ID, sorted by number."""
     found = []
     for number in range(1, objects.MAX_TPDOS + 1):
         communication, mapping = objects.TPDO_COMMUNICATION + number - 1, objects.TPDO_MAPPING + number - 1
@@ -111,7 +103,7 @@ def draft(dictionary: ObjectDictionary, node_id: int, eds: str, known: Known) ->
     ConfigurationError
         Raised if the EDS maps no object that could contain taxels, or more taxels than ``known`` allows.
     """
-    tpdos = eds_tpdos(dictionary, node_id)
+    tpdos = _eds_tpdos(dictionary, node_id)
     bits = known.bits or _commonest_width(tpdos, eds)
     starts = {tpdo.number: _starts(tpdo.mapping, bits, is_packed=known.bits is not None) for tpdo in tpdos}
     taxels = sum(map(len, starts.values()))

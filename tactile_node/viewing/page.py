@@ -16,7 +16,7 @@ from tactile_node.viewing.chart import POINT_COLOURS, Series, chart
 from tactile_node.viewing.counts_table import RECENT_TIME, counts_table
 from tactile_node.viewing.drawn_pad import DrawnPad, Scales
 from tactile_node.viewing.page_parts import PageFacts, macros, pads_html, status_html
-from tactile_node.viewing.planes import Planes
+from tactile_node.viewing.planes import planes_html
 from tactile_node.viewing.source import FORCE_HISTORY, ViewSource, ViewState
 
 if TYPE_CHECKING:
@@ -96,7 +96,6 @@ class Page:
         self._receipt_time = 0.0  # time of the last receipt [s]
         self._slow_due = 0.0
         self._history = FactsHistory(RECENT_TIME)
-        self._planes: Planes | None = None
 
     def start(self) -> None:
         self._thread.start()
@@ -201,8 +200,7 @@ class Page:
         self._planes_html.content = self._planes_picture(drawn) if self._planes_wanted.value else ''
 
     def _planes_picture(self, drawn: list[DrawnPad]) -> str:
-        self._planes = self._planes or Planes()
-        return self._planes.pictures({
+        return planes_html({
             number: pad.state.contact.mask for number, pad in enumerate(drawn) if pad.is_live
             and pad.state is not None and pad.state.contact is not None and pad.state.contact.mask is not None})
 

@@ -1,5 +1,8 @@
 """Draw the feature planes of Volf, Dvořák and Vlček's classifier."""
 
+from collections.abc import Mapping
+from functools import cache
+
 import numpy as np
 
 from tactile_node.helmholtz.features import Features, Group, compute_features
@@ -12,25 +15,24 @@ from tactile_node.viewing.templates import shared
 PLANE = PlotArea(30.0, 17.0, 3.2, .4, 1.4, 2.6)
 
 
-class Planes:
-    """Draws the feature planes and curves of Volf, Dvořák and Vlček's classifier, which are loaded once."""
+@cache
+def _planes() -> Mapping[str, Plane]:
+    return VolfClassifier.from_file(config_path(METHOD_FILES[VOLF])).planes
 
-    def __init__(self) -> None:
-        self._planes = VolfClassifier.from_file(config_path(METHOD_FILES[VOLF])).planes
 
-    def pictures(self, masks: dict[int, np.ndarray]) -> str:
-        """Return all planes as SVG, with a point for each pad.
+def planes_html(masks: dict[int, np.ndarray]) -> str:
+    """Return all planes as SVG, with a point for each pad.
 
-        Parameters
-        ----------
-        masks
-            Masks of the contacts by pad number, bool (rows, cols).
-        """
-        features = {pad: compute_features(mask, Group.CLASSIFIER) for pad, mask in masks.items()
-                    if np.count_nonzero(mask) >= SMALLEST}
-        drawn = ''.join(_picture(name, plane, features) for name, plane in self._planes.items())
-        note = '' if features else f'<div class="tactile-note">no contact of {SMALLEST} taxels or more</div>'
-        return f'{note}<div class="tactile-planes">{drawn}</div>'
+    Parameters
+    ----------
+    masks
+        Masks of the contacts by pad number, bool (rows, cols).
+    """
+    features = {pad: compute_features(mask, Group.CLASSIFIER) for pad, mask in masks.items()
+                if np.count_nonzero(mask) >= SMALLEST}
+    drawn = ''.join(_picture(name, plane, features) for name, plane in _planes().items())
+    note = '' if features else f'<div class="tactile-note">no contact of {SMALLEST} taxels or more</div>'
+    return f'{note}<div class="tactile-planes">{drawn}</div>'
 
 
 def _picture(name: str, plane: Plane, features: dict[int, Features]) -> str:

@@ -63,9 +63,7 @@ class BagRecording:
     title
         Path of the bag.
     pads
-        Names of the pads.
-    window
-        Part of the bag that is read.
+        Names of the pads that are read.
 
     Raises
     ------
@@ -77,7 +75,7 @@ class BagRecording:
 
     def __init__(self, path: str, pads: Sequence[str] = (), window: TimeWindow = WHOLE):
         self._reader = TopicBagReader(path)
-        self.title, self.window = path, window
+        self.title, self._window = path, window
         if missing := [pad for pad in pads if pad not in self._reader.pads]:
             raise ConfigurationError('--pads', expected=f'some of {", ".join(self._reader.pads)}, as in the bag',
                                      got=', '.join(missing), remedy='Leave out --pads to show all pads.')
@@ -91,7 +89,7 @@ class BagRecording:
         """Read the whole bag as fast as possible into ``sink``, or until ``stop_requested`` is set."""
         grasps = [topic for topic, kind in self._reader.topics.items() if kind == GRASP]
         types = (TAXELS, STATUS, GRASP) if len(grasps) == 1 else (TAXELS, STATUS)  # a view shows only one gripper
-        for message in self._reader.messages(types, window=self.window):
+        for message in self._reader.messages(types, window=self._window):
             if stop_requested.is_set():
                 return
             if message.type == STATUS:
@@ -106,7 +104,7 @@ class BagRecording:
     @property
     def unread(self) -> int:
         """Number of messages or parts that could not be read."""
-        return self._reader.unread.total() + self._others
+        return self._reader.unread + self._others
 
     @property
     def problem(self) -> str:

@@ -38,10 +38,15 @@ class ReportedFile:
     @classmethod
     def of(cls, path: str | Path, kind: Kind, begin: float, end: float, **problems: Any) -> 'ReportedFile':
         """Return the facts about the recording at ``path``. Raises OSError if a file cannot be read."""
-        path = Path(path)
-        files = [file for file in path.rglob('*') if file.is_file()] if path.is_dir() else files_of(path)
+        path, files = Path(path), files_in(path)
         return cls(path.resolve().name, sum(file.stat().st_size for file in files),
                    '' if path.is_dir() or len(files) > 1 else sha256_of(path), kind, begin, end, **problems)
+
+
+def files_in(path: str | Path) -> list[Path]:
+    """Return all files of a recording, with the metadata of a bag folder."""
+    path = Path(path)
+    return [file for file in path.rglob('*') if file.is_file()] if path.is_dir() else files_of(path)
 
 
 def sha256_of(path: Path) -> str:

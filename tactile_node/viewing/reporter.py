@@ -23,19 +23,7 @@ from tactile_node.viewing.status_record import StatusRecord
 from tactile_node.viewing.touch import TouchList
 
 
-class _Reporter(Sink):
-    """Collects the facts about a recording. ``on_message`` is called for each CAN frame and each message."""
-
-    def __init__(self, on_message: Callable[[], object]):
-        self._on_message = on_message
-        self._pads: dict[str, PadRecord] = {}
-
-    def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
-        """Add a taxel frame, or return False if its number of rows or columns differs from the pad's first frame."""
-        return self._pads[pad].feed(frame)
-
-
-class LogReporter(_Reporter):
+class LogReporter(Sink):
     """Reads a CAN log once, and makes a report.
 
     The report omits a pad's taxels if the device set-up in the log contradicts the layout or EDS, or if other nodes
@@ -55,16 +43,17 @@ class LogReporter(_Reporter):
 
     def __init__(self, recording: LogRecording, *, bit_rate: int | None = None,
                  recogniser: VisibilityGuard | None = None, on_message: Callable[[], object] = lambda: None):
-        super().__init__(on_message)
-        self._recording, pads = recording, recording.settings
+        self._recording, self._on_message, pads = recording, on_message, recording.settings
         self._bus = BusRecord(bit_rate)
         recogniser = recogniser or make_recogniser()
         self._pads = {pad.name: PadRecord(pad.name, pad.layout.rows, pad.layout.cols, pad.layout.pitch,
                                           pad.layout.value.unit, recogniser) for pad in pads}
         self._nodes = NodeRecords({node_id: pad.name for pad in pads for node_id in pad.node_ids}, _taken(pads))
 
+    def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
+        return self._pads[pad].feed(frame)
+
     def add_message(self, message: can.Message) -> None:
-        """Add a CAN frame."""
         self._on_message()
         self._bus.feed(message)
         self._nodes.feed(message)
@@ -107,7 +96,7 @@ def _taken(pads: Sequence[PadSettings]) -> frozenset[int]:
         pad.layout.sync_cob_id for pad in pads}
 
 
-class BagReporter(_Reporter):
+class BagReporter(Sink):
     """Reads a bag with taxel arrays once, and makes a report.
 
     Parameters
@@ -122,9 +111,9 @@ class BagReporter(_Reporter):
 
     def __init__(self, recording: BagRecording, *, recogniser: VisibilityGuard | None = None,
                  on_message: Callable[[], object] = lambda: None):
-        super().__init__(on_message)
-        self._recording = recording
+        self._recording, self._on_message = recording, on_message
         self._recogniser = recogniser or make_recogniser()
+        self._pads: dict[str, PadRecord] = {}
         self._status = StatusRecord()
         self._begin = float('inf')  # stamp of the first taxel frame [s]
         self._end = -float('inf')
@@ -152,15 +141,13 @@ class BagReporter(_Reporter):
         return Report(recording, pads, self._status.nodes(), self._status.bus())
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
-        """Add a taxel frame, or return False if its number of rows or columns differs from the pad's first frame."""
         self._on_message()
         if pad not in self._pads:
             rows, cols = frame.values.shape
             self._pads[pad] = PadRecord(pad, rows, cols, pitch, unit, self._recogniser)
         self._begin, self._end = min(self._begin, frame.stamp), max(self._end, frame.stamp)
-        return super().add(pad, frame, pitch, unit)
+        return self._pads[pad].feed(frame)
 
     def add_facts(self, stamp: float, facts: Any) -> None:
-        """Add a SkinStatus."""
         self._on_message()
         self._status.feed(stamp, facts)

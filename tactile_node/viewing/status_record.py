@@ -12,9 +12,9 @@ import numpy as np
 from tactile_node.assembly.facts import pad_counts
 from tactile_node.cia301.objects import NmtState
 from tactile_node.taxel_frame import read_only
+from tactile_node.viewing.levels import OK
 from tactile_node.viewing.model import BusReport, Ends, LoadCurve, NodeReport, ReportedEvent
 
-OK_LEVEL = 1                            #: level OK of SkinStatus and PadStatus, where NOT_KNOWN is 0
 NMT_NOT_KNOWN = 0                       #: value of NodeStatus.nmt_state
 NMT_BOOT_UP = 1                         #: value of NodeStatus.nmt_state
 STATUS_PERIOD = 1.0               #: time between two SkinStatus messages [s]
@@ -34,9 +34,9 @@ class StatusRecord:
     def feed(self, stamp: float, status: Any) -> None:
         """Process a SkinStatus."""
         self._loads.append((stamp, float(status.bus_load)))
-        self._report(stamp, 'bus', status.level - OK_LEVEL, status.failure or status.message)
+        self._report(stamp, 'bus', status.level - OK, status.failure or status.message)
         for pad in status.pads:
-            self._report(stamp, f'pad {pad.pad}', pad.level - OK_LEVEL, pad.message)
+            self._report(stamp, f'pad {pad.pad}', pad.level - OK, pad.message)
             self._count(pad.pad, pad_counts(pad))
             for node in pad.nodes:
                 self._nodes.setdefault(node.node_id, _ReportedNode(node.node_id, pad.pad)).feed(stamp, node)

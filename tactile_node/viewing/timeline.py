@@ -65,7 +65,6 @@ class Timeline(Sink):
         self.begin, self.end = np.inf, -np.inf  #: stamps of the first and the last frame
 
     def add(self, pad: str, frame: TaxelFrame, pitch: float, unit: str) -> bool:
-        """Add a frame, or return False without adding it if its geometry differs from the pad's first frame."""
         geometry = frame.values.shape, pitch, unit
         if pad not in self._tracks:
             self._tracks[pad] = _Track(*geometry)
@@ -77,12 +76,10 @@ class Timeline(Sink):
         return True
 
     def add_facts(self, stamp: float, facts: BusFacts) -> None:
-        """Add facts about the bus, or a SkinStatus message."""
         self._facts.append(facts)
         self._fact_times.append(max(stamp, self._fact_times[-1]) if self._fact_times else stamp)
 
     def add_grasp(self, stamp: float, grasp: GraspFacts, acquired: float) -> None:
-        """Add a grasp that was published at ``stamp``, from data acquired at ``acquired``."""
         self._grasps.append(self._distinct_grasps.setdefault(grasp, grasp))
         self._grasp_acquired.append(acquired)
         self._grasp_times.append(max(stamp, self._grasp_times[-1]) if self._grasp_times else stamp)
