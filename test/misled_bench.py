@@ -15,6 +15,8 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
+from multiprocessing import get_context
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -44,6 +46,9 @@ TIMEOUT = 60.0  # time limit on a busy machine [s]
 Record = dict[str, Any]  # one line that the consumer printed
 Claim = Callable[[Record], bool]
 Popen = Callable[..., subprocess.Popen]  # function that starts a process on this host or on another host
+#: Starts the processes of nodes from a server that has imported the nodes, because an import takes seconds.
+FORKS = get_context('forkserver')
+FORKS.set_forkserver_preload([kind.__module__ for kind in (DriverNode, ProcessorNode, ClassifierNode, GraspNode)])
 
 
 def empty(record: Record) -> bool:
@@ -243,7 +248,8 @@ class World(Watch):
     busy machine keep up.
     """
 
-    hands_over = True  #: True if stages pass results by function calls, as in one process; False if only by messages
+    #: True if all nodes run in this process and pass results by function calls; False if each has a process of its own.
+    hands_over = True
 
     def __init__(self, held: dict[str, Any] | None = None, *, without: Sequence[str] = (),
                  topics: Sequence[str] = ('grasp=grasp', 'left=left/shape'), relayed: str = '', period: float = PERIOD,
@@ -251,6 +257,7 @@ class World(Watch):
         super().__init__()
         self._held = held or {}
         self.nodes: dict[str, Any] = {}
+        self._processes: dict[str, BaseProcess] = {}  # of the nodes that do not run in this process
         self._topics = topics
         self._relayed = relayed
         self._without = without
@@ -331,10 +338,21 @@ class World(Watch):
         return node
 
     def add(self, name: str, kind: type, namespace: str, parameters: dict[str, Any]) -> None:
+        if not self.hands_over:
+            self._start_process(name, kind, namespace, parameters)
+            return
         node = kind(self._stages, context=self.context, namespace=namespace, cli_args=self._remappings(name),
                     parameter_overrides=[Parameter(key, value=value) for key, value in parameters.items()])
         self.nodes[name] = node
         self.executor.add_node(node)
+
+    def _start_process(self, name: str, kind: type, namespace: str, parameters: dict[str, Any]) -> None:
+        """Start the executable of a node."""
+        given = [f'{key}:={json.dumps(value)}' for key, value in parameters.items()]
+        words = [*self._remappings(name), '--ros-args', '-r', f'__ns:=/{namespace}',
+                 *(word for each in given for word in ('-p', each))]
+        self._processes[name] = FORKS.Process(target=_run_executable, args=(kind, words), daemon=True)
+        self._processes[name].start()
 
     def _remappings(self, name: str) -> list[str]:
         """Return the command-line arguments that make the subscriber of a relayed topic subscribe to the relay."""
@@ -346,8 +364,11 @@ class World(Watch):
     def remove(self, name: str) -> None:
         """Destroy a node without any message, as a crash would.
 
-        The executor's thread destroys the node, because this thread may be using the node.
+        The executor's thread destroys a node of this process, because this thread may be using the node.
         """
+        if name in self._processes:
+            self._end_process(name)
+            return
         node = self.nodes.pop(name)
         done = threading.Event()
 
@@ -358,7 +379,14 @@ class World(Watch):
         self.executor.create_task(end)
         self.wait(done.is_set, f'{name} to end')
 
+    def _end_process(self, name: str) -> None:
+        process = self._processes.pop(name)
+        process.kill()
+        process.join()
+
     def _destroy_nodes(self) -> None:
+        for name in list(self._processes):
+            self._end_process(name)
         self.executor.shutdown()
         # The driver feeds the other nodes, so it is destroyed first.
         for name in sorted(self.nodes, key='driver'.__ne__):
@@ -393,3 +421,9 @@ def _state(record: Record) -> str:
     else:
         words = [record['shape'], *([record['reason']] if record['shape'] == 'UNKNOWN' else [])]
     return ' '.join(words).lower()
+
+
+def _run_executable(kind: type, words: Sequence[str]) -> None:
+    """Run the executable of a node with the arguments ``words``."""
+    sys.argv = ['node', *words]
+    sys.modules[kind.__module__].main()
