@@ -84,16 +84,16 @@ class Answers:
         self._first_taxels = {tpdo.cob_id.of(node_id): tpdo.taxels[0][:2] for pad in pads for node_id in pad.node_ids
                               for tpdo in pad.layout.tpdos}
         gateway = simulator._gateway
-        count, hand_over = gateway.on_carried, gateway._hand_over
+        count, send = gateway.on_carried, gateway._send_to_host
 
         def carried(frame: Carried) -> None:
             coded.syncs += frame.frame.can_id == SYNC
             count(frame)
 
-        def handed_over(frames: Sequence[CanFrame]) -> None:
-            hand_over(frames)
+        def sent(frames: Sequence[CanFrame]) -> None:
+            send(frames)
             self._note(frames, time.time())
-        gateway.on_carried, gateway._hand_over = carried, handed_over
+        gateway.on_carried, gateway._send_to_host = carried, sent
 
     def _note(self, frames: Sequence[CanFrame], now: float) -> None:
         for frame in frames:
