@@ -12,6 +12,7 @@ from waiting import wait_until
 
 from tactile_node.assembly.health import BusFault
 from tactile_node.bus.skin_bus import BusSettings, SkinBus
+from tactile_node.cia301.objects import NmtCommand
 from tactile_node.errors import BusError, ConfigurationError, DeviceAbsentError, DeviceError, LogError
 from tactile_node.package_files import config_path
 from tactile_node.skin.layout_file import load_layout
@@ -87,6 +88,25 @@ def test_stop_and_start_again():
         bench.forget()
         bench.run()  # The restarted driver counts its frames from 0.
         assert bench.take(1)[0][1].sequence == 0
+
+
+def test_a_start_whose_command_cannot_be_sent_leaves_the_bus_stopped(monkeypatch):
+    """If the failed start counted as started, the next start would return at once, and nothing would send SYNC."""
+    with Bench('refused', sync_period=0.01) as bench:
+        bench.driver.open()
+        bench.driver.configure()
+        command = bench.driver.devices.command
+
+        def refuse(which, node):
+            if which is NmtCommand.START:
+                raise BusError('the bus', expected='a command that is sent', got='a full buffer', remedy='Try again.')
+            command(which, node)
+        monkeypatch.setattr(bench.driver.devices, 'command', refuse)
+        with pytest.raises(BusError, match='full buffer'):
+            bench.driver.start()
+        monkeypatch.undo()
+        bench.driver.start()
+        assert bench.take(3)
 
 
 def test_every_call_is_allowed_in_every_state():

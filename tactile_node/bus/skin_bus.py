@@ -191,10 +191,10 @@ class SkinBus:
         begun = time.monotonic()
         self._is_running = True  # from here on, stop() has something to undo
         present = [node for node in self._nodes if node.node_id not in without]
-        for node in present:
-            self.start_node(node)
-        self._start_pacers()
         try:
+            for node in present:
+                self.start_node(node)
+            self._start_pacers()
             for node in present:
                 self.devices.confirm_operational(node, begun)
         except (DeviceError, BusError):
