@@ -121,8 +121,8 @@ def test_a_planner_waits_for_a_grasp(tmp_path):
     with ExitStack() as stack:
         started(stack, 'tactile bringup --simulate', tmp_path / 'skin', PLANNER)
         listener = started(stack, 'python examples/grasp_listener.py', tmp_path, PLANNER)
-        line = next(line for line in listener.stdout if 'mm' in line)
-        assert line.split(',')[0] in SHAPES
+        # On a busy machine, the first grasps may be of an unknown shape.
+        assert any('mm' in line and line.split(',')[0] in SHAPES for line in listener.stdout)
         deadline, found = time.monotonic() + TIMEOUT, ''
         # A busy machine may lose the grasp during the request. The planner reports the loss, and the test tries again.
         while not found:
