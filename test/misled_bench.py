@@ -244,6 +244,8 @@ class World(Watch):
 
     A case may leave out nodes, or set the parameters of the node with a given role.
 
+    The bench records stalls of this process only. Without ``hands_over``, it does not see a stall of a node.
+
     ``period`` is the time between two frames [s]. The allowed times are based on PERIOD. A longer ``period`` lets a
     busy machine keep up.
     """
@@ -351,7 +353,7 @@ class World(Watch):
         given = [f'{key}:={json.dumps(value)}' for key, value in parameters.items()]
         words = [*self._remappings(name), '--ros-args', '-r', f'__ns:=/{namespace}',
                  *(word for each in given for word in ('-p', each))]
-        self._processes[name] = FORKS.Process(target=_run_executable, args=(kind, words), daemon=True)
+        self._processes[name] = FORKS.Process(target=_run_executable, args=(kind, words), name=name, daemon=True)
         self._processes[name].start()
 
     def _remappings(self, name: str) -> list[str]:
@@ -381,17 +383,21 @@ class World(Watch):
 
     def _end_process(self, name: str) -> None:
         process = self._processes.pop(name)
+        assert process.is_alive(), f'{name} has ended with {process.exitcode}'
         process.kill()
         process.join()
 
     def _destroy_nodes(self) -> None:
-        for name in list(self._processes):
-            self._end_process(name)
+        ended = {name: process.exitcode for name, process in self._processes.items() if not process.is_alive()}
+        for process in self._processes.values():
+            process.kill()
+            process.join()
         self.executor.shutdown()
         # The driver feeds the other nodes, so it is destroyed first.
         for name in sorted(self.nodes, key='driver'.__ne__):
             self.nodes[name].destroy_node()
         self.nodes.clear()
+        assert not ended, f'nodes have ended with these exit codes: {ended}'
 
     def _spin(self) -> None:
         while not self._stop.is_set():

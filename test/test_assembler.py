@@ -12,7 +12,9 @@ from can_bench import TINY, Loss, is_balanced, only, tally, taxel_frames, tellin
 from tactile_node.assembly.facts import LossReason
 from tactile_node.assembly.free_bus import FreeBus
 from tactile_node.assembly.health import TpdoOrder
+from tactile_node.assembly.router import Router
 from tactile_node.assembly.sync_assembler import SyncAssembler
+from tactile_node.skin.pads import PadSettings
 from tactile_node.taxel_frame import TaxelFrame, TaxelStatus
 
 VALID, STALE, DEAD, SATURATED = TaxelStatus.VALID, TaxelStatus.STALE, TaxelStatus.DEAD, TaxelStatus.SATURATED
@@ -48,6 +50,16 @@ def test_whole_period_is_given_with_its_last_tpdo(assembler):
     assert frame.stamp == 7.25 and (frame.status == VALID).all()
     assert only(assembler.sync(8.25)) is None  # The assembler returns each taxel frame only once.
     assert tally(assembler)[:5] == (1, 0, 3, 3, 3) and is_balanced(assembler)
+
+
+def test_the_router_adds_the_time_of_acquisition(tmp_path):
+    frames = []
+    router = Router((PadSettings('pad', (1,), tiny_layout(tmp_path)),), lambda pad, frame: frames.append(frame),
+                    lambda stamp: stamp - 5.0)
+    router.sync(7.25)
+    for can_id, data in ((ROW_1, '0A0B'), (ROW_2, '0C0D'), (ROW_3, '00FE')):
+        router.feed(can_id, bytes.fromhex(data), 7.3)
+    assert [(frame.stamp, frame.acquired) for frame in frames] == [(7.25, 2.25)]
 
 
 def test_full_scale_is_saturated_and_still_given(assembler):

@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _checked(layout_name: str, eds: str, use: Use) -> CheckedLayout:
-    """Check a skin layout and its EDS ('': the EDS next to the layout) against all rules."""
+    """Check a skin layout and its EDS against all rules. If ``eds`` is empty, check the EDS next to the layout."""
     try:
         layout = read_layout(layout_name)
     except ConfigurationError as error:
