@@ -162,7 +162,7 @@ fuzz: setup  ## test a million random CAN messages, ten thousand broken files, a
 LONG_TESTS = $(filter-out $(HOSTS_TESTS),$(shell grep -lE 'TACTILE_LONG|mark\.long' test/test_*.py))
 misled: setup  ## measure false claims to a consumer when the skin, the bus or a node fails (SHORT=1: under 2 minutes)
 	@for form in '' --apart; do \
-		[ "$$form" ] && echo "Each node in a process of its own ($$form)" || echo 'All nodes in one process'; \
+		[ "$$form" ] && echo "Each node in a separate process ($$form)" || echo 'All nodes in one process'; \
 		$(BIN)/python test/misled_catalogue.py $(if $(SHORT),--short) $$form 2>build/misled.log \
 		|| { [ $$? -eq 1 ] || tail -20 build/misled.log; exit 1; }; done
 	@$(if $(SHORT),,TACTILE_LONG=1 $(BIN)/python -m pytest $(LONG_TESTS) -q)

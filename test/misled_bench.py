@@ -250,7 +250,8 @@ class World(Watch):
     busy machine keep up.
     """
 
-    #: True if all nodes run in this process and pass results by function calls; False if each has a process of its own.
+    #: True if all nodes run in this process and pass results by function calls. False if each node runs in a separate
+    #: process and the results pass as messages.
     hands_over = True
 
     def __init__(self, held: dict[str, Any] | None = None, *, without: Sequence[str] = (),
@@ -259,7 +260,7 @@ class World(Watch):
         super().__init__()
         self._held = held or {}
         self.nodes: dict[str, Any] = {}
-        self._processes: dict[str, BaseProcess] = {}  # of the nodes that do not run in this process
+        self._processes: dict[str, BaseProcess] = {}  # processes of the nodes that run outside this process
         self._topics = topics
         self._relayed = relayed
         self._without = without
@@ -369,7 +370,10 @@ class World(Watch):
         The executor's thread destroys a node of this process, because this thread may be using the node.
         """
         if name in self._processes:
-            self._end_process(name)
+            process = self._processes.pop(name)
+            assert process.is_alive(), f'{name} has ended with {process.exitcode}'
+            process.kill()
+            process.join()
             return
         node = self.nodes.pop(name)
         done = threading.Event()
@@ -380,12 +384,6 @@ class World(Watch):
             done.set()
         self.executor.create_task(end)
         self.wait(done.is_set, f'{name} to end')
-
-    def _end_process(self, name: str) -> None:
-        process = self._processes.pop(name)
-        assert process.is_alive(), f'{name} has ended with {process.exitcode}'
-        process.kill()
-        process.join()
 
     def _destroy_nodes(self) -> None:
         ended = {name: process.exitcode for name, process in self._processes.items() if not process.is_alive()}

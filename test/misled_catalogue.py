@@ -563,7 +563,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--only', default='', help='run the cases whose name contains this')
     parser.add_argument('--short', action='store_true', help='leave out the long cases')
-    parser.add_argument('--apart', action='store_true', help='run each node in a process of its own')
+    parser.add_argument('--apart', action='store_true', help='run each node in a separate process')
     args = parser.parse_args()
     World.hands_over = not args.apart
     cases = [case for case in (*SHORT, *(() if args.short else LONG)) if args.only in case.__name__]

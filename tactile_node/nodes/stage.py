@@ -2,7 +2,7 @@
 
 The driver, the processors, the classifiers and the grasp node are stages. A `StageOutput` is an `OnDemandPublisher`. If
 the next stage runs in the same process, the output also calls the `StageInput` of that stage, on the chain thread. A
-`StageInput` is a `GuardedInput`. It posts each message from the topic to the chain of its own process.
+`StageInput` is a `GuardedInput`. The `StageInput` posts each message from the topic to the chain of its process.
 """
 
 import math
