@@ -14,6 +14,9 @@ from tactile_skin.msg import Grasp, TaxelArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.bus]
 
+SYNC_PERIOD = 0.1  #: Long, so that a busy machine has the processor time for both buses [s].
+MAX_AGE = 5.0  #: Age and skew of the pads' results up to which a grasp is fresh, also on a busy machine [s].
+
 FINGERS = {'left': ('two_buses_a', 'sim16x16.yaml', 50e3), 'right': ('two_buses_b', 'domain16x10_16bit.yaml', 60e3)}
 
 
@@ -31,14 +34,16 @@ def fingers(ros):
         skin = SkinSimulator([pad], {name: pressed(pad.layout.rows, pad.layout.cols, pressure)})
         skin.start('virtual', channel)
         ros.callback(skin.stop)
-        driver = {'interface': 'virtual', 'channel': channel, 'node_ids': [32], 'layouts': [layout]}
+        driver = {'interface': 'virtual', 'channel': channel, 'node_ids': [32], 'layouts': [layout],
+                  'sync_period': SYNC_PERIOD}
         system = System(bus_nodes([name], driver=driver, namespace=f'{name}_finger'))
         ros.callback(system.destroy)
         for node in system.nodes:
             bench.executor.add_node(node)
         system.driver.autostart()
-    bench.add(GraspNode(parameter_overrides=[Parameter(f'{name}_pad', value=f'{name}_finger/{name}')
-                                             for name in FINGERS]))
+    bench.add(GraspNode(parameter_overrides=[
+        Parameter('max_skew', value=MAX_AGE), Parameter('max_age', value=MAX_AGE),
+        *(Parameter(f'{name}_pad', value=f'{name}_finger/{name}') for name in FINGERS)]))
     return bench
 
 
