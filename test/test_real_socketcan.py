@@ -7,6 +7,7 @@ import ctypes
 import socket
 import subprocess
 import sys
+import termios
 import threading
 import time
 from pathlib import Path
@@ -243,3 +244,22 @@ def test_interface_that_is_down_or_absent_is_an_error_with_a_name():
             driver.open()
             driver.configure()
         driver.close()
+
+
+def test_a_serial_port_whose_bytes_stay_in_the_kernel_holds_nobody_up():
+    """A pseudo-terminal has no such bytes, so only a real port shows that the driver does not wait in ``tcdrain``."""
+    bus = open_bus('slcan', '/dev/ttyS1', 1_000_000)
+    termios.tcflow(bus.serialPortOrig.fd, termios.TCOOFF)
+    message, failures = can.Message(arbitration_id=0x80, is_extended_id=False), []
+
+    def use() -> None:
+        for call in (lambda: bus.send(message), bus.shutdown):
+            try:
+                call()
+            except can.CanError as error:
+                failures.append(str(error))
+    thread = threading.Thread(target=use, daemon=True)
+    thread.start()
+    thread.join(LONGEST)
+    assert not thread.is_alive() and len(failures) == 2
+    assert all('has taken no data' in failure for failure in failures)

@@ -4,9 +4,9 @@
 
 The script needs apt, but neither root nor KVM. The script unpacks Debian packages into --folder and installs nothing on
 the host. The virtual machine sees the files of the host read-only, with an overlay in RAM. The virtual machine has two
-CAN controllers (SJA1000) on one emulated bus, can0 and can1, and two virtual CAN interfaces, vcan0 and vcan1. The
-script exits with the exit code of the command, or with 77 if the virtual machine cannot be started. After exit code 77,
-the file not_run in --folder contains the reason.
+CAN controllers (SJA1000) on one emulated bus, can0 and can1, two virtual CAN interfaces, vcan0 and vcan1, and a serial
+port /dev/ttyS1 that is connected to nothing. The script exits with the exit code of the command, or with 77 if the
+virtual machine cannot be started. After exit code 77, the file not_run in --folder contains the reason.
 """
 
 import argparse
@@ -150,10 +150,10 @@ def boot(folder: Path, command: str, seconds: float) -> int:
     program, environment = emulator(folder / 'root')
     whole = with_init(folder, image, command)
     controllers = [word for number in range(CONTROLLERS) for word in ('-device', 'kvaser_pci,canbus=bus')]
-    arguments = ['-nodefaults', '-no-user-config', '-nographic', '-serial', 'stdio', '-monitor', 'none', '-no-reboot',
-                 '-m', '1500', '-smp', '2', '-cpu', 'max', '-accel', 'tcg,thread=multi', '-kernel', str(kernel),
-                 '-initrd', str(whole), '-append', 'console=ttyS0 quiet panic=-1 loglevel=3',
-                 '-object', 'can-bus,id=bus', *controllers,
+    arguments = ['-nodefaults', '-no-user-config', '-nographic', '-serial', 'stdio', '-serial', 'null',
+                 '-monitor', 'none', '-no-reboot', '-m', '1500', '-smp', '2', '-cpu', 'max',
+                 '-accel', 'tcg,thread=multi', '-kernel', str(kernel), '-initrd', str(whole),
+                 '-append', 'console=ttyS0 quiet panic=-1 loglevel=3', '-object', 'can-bus,id=bus', *controllers,
                  '-virtfs', 'local,path=/,mount_tag=host,security_model=none,readonly=on,multidevs=remap']
     machine = subprocess.Popen(program + arguments, env=os.environ | environment, stdin=subprocess.DEVNULL,
                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors='replace')

@@ -18,7 +18,8 @@ _REMEDIES = {
               'adapter through CANlib (docs/adapters.md).',
     'pcan': 'Use the interface socketcan with the Linux driver peak_usb, or install PCAN-Basic (docs/adapters.md).'}
 _REMEDY_IN_USE = ('Only one program can use a serial port. Close the other program. If it is the driver, let the '
-                  'driver record (tactile bringup --record FILE), and view its topics (tactile view).')
+                  'driver record (tactile bringup --record FILE), and view its topics (tactile view). If the adapter '
+                  'hangs, plug it in again.')
 #: Manufacturer's library that python-can loads, by interface.
 _LIBRARIES = {'kvaser': 'CANlib', 'pcan': 'PCAN-Basic'}
 

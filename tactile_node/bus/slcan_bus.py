@@ -15,9 +15,10 @@ from typing import Any
 import can
 from can.interfaces.slcan import slcanBus
 from can.util import CAN_FD_DLC
-from serial import SerialException
+from serial import Serial, SerialException, SerialTimeoutException
 
 from tactile_node.bus.batch_reader import Batch
+from tactile_node.threads import ReportedThread
 
 #: End of a line. Other line endings are replaced by END: BELL follows a refused command, and some firmware writes CR
 #: LF.
@@ -34,11 +35,19 @@ PROTOCOL_VIOLATION = 0x008
 WAKE_TIMEOUT = 0.3  #: Time within which a running adapter answers [s].
 RESET_TIME = 2.0  #: Start time of an adapter that resets when its port is opened, such as an Arduino [s].
 
+#: Time within which a working adapter takes a frame [s]. A frame takes 2 ms at 115,200 baud.
+WRITE_TIMEOUT = 0.2
+WRITE_PAUSE = 0.2e-3  #: Time between two checks whether the adapter has taken a frame [s].
+CLOSE_TIMEOUT = 0.5  #: Longest wait for the port to close [s].
+
 
 class BulkSlcanBus(slcanBus):
     """An slcan bus that takes the same options as python-can's slcan bus.
 
     A damaged line is delivered as an error frame.
+
+    If the adapter takes no data, for example because its firmware hangs, sending fails after WRITE_TIMEOUT. python-can
+    would wait forever.
 
     If the adapter does not answer immediately, the bus gives it time to start and then opens it again. If
     ``sleep_after_open`` is given, the bus does not open the adapter a second time.
@@ -100,15 +109,54 @@ class BulkSlcanBus(slcanBus):
             self._release()
 
     def _release(self) -> None:
-        """Close and unlock the port. python-can leaves the port open if a command to the adapter fails."""
+        """Close and unlock the port. python-can leaves the port open if a command to the adapter fails.
+
+        The kernel waits up to 30 s for bytes that an adapter does not take. The port therefore closes on a thread of
+        its own, and stays locked until it is closed.
+        """
+        closing = ReportedThread(_close, 'close port', getattr(self, 'serialPortOrig', None), self._lock)
+        self._lock = None
+        closing.start()
+        closing.join(CLOSE_TIMEOUT)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a message, and wait until it has left this host.
+
+        Parameters
+        ----------
+        msg : can.Message
+            Message to send.
+        timeout : float or None
+            Longest time for writing to the port [s]; None for WRITE_TIMEOUT.
+
+        Raises
+        ------
+        can.CanTimeoutError
+            Raised if the adapter does not take the message.
+        can.CanOperationError
+            Raised if the adapter is gone.
+        """
+        super().send(msg, WRITE_TIMEOUT if timeout is None else timeout)
+
+    def _write(self, string: str) -> None:
+        """Write a command, and wait until it has left this host. python-can calls this method.
+
+        python-can's own method calls ``tcdrain``, which has no time limit.
+        """
+        port = self.serialPortOrig
+        if port.write_timeout is None:
+            port.write_timeout = WRITE_TIMEOUT
+        end = time.monotonic() + WRITE_TIMEOUT
         try:
-            port = getattr(self, 'serialPortOrig', None)
-            if port is not None:
-                port.close()
-        finally:
-            if self._lock is not None:
-                os.close(self._lock)
-                self._lock = None
+            port.write(string.encode() + self.LINE_TERMINATOR)
+            while getattr(port, 'out_waiting', 0):  # a port that is a socket does not have this attribute
+                if time.monotonic() > end:
+                    raise SerialTimeoutException('unsent bytes')
+                time.sleep(WRITE_PAUSE)
+        except SerialTimeoutException as error:
+            raise can.CanTimeoutError(f'The adapter has taken no data for {WRITE_TIMEOUT} s.') from error
+        except OSError as error:
+            raise can.CanOperationError(f'Could not write to serial device: {error}') from error
 
     def _is_awake(self) -> bool:
         """Return True if the adapter sends an answer or a frame within WAKE_TIMEOUT."""
@@ -182,8 +230,19 @@ class BulkSlcanBus(slcanBus):
         return super()._recv_internal(0.0)[0]
 
 
+def _close(port: Serial | None, lock: int | None) -> None:
+    """Close a port that may already be gone, and then its lock."""
+    try:
+        if port is not None:
+            with suppress(OSError):
+                port.close()
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
 class PortInUseError(can.CanInitializationError):
-    """Another process has locked the serial port."""
+    """Another process has locked the serial port, or this process has not closed it yet."""
 
 
 def _lock_port(port: str) -> int | None:
@@ -204,7 +263,7 @@ def _lock_port(port: str) -> int | None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         os.close(descriptor)
-        raise PortInUseError('another process has this port open') from error
+        raise PortInUseError('another process has this port open, or this process is still closing it') from error
     return descriptor
 
 

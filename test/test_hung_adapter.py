@@ -1,0 +1,149 @@
+"""A serial adapter that takes no more data, but stays connected, holds nothing up and is used again once it takes data.
+
+An adapter does so while its firmware hangs, and while no other device of its CAN bus is powered, because it then
+repeats its first frame for ever.
+"""
+
+import termios
+import threading
+import time
+from contextlib import contextmanager
+
+import can
+import numpy as np
+import pytest
+from waiting import wait_until
+
+from tactile_node.assembly.health import BusFault
+from tactile_node.bus.bus_settings import BusSettings
+from tactile_node.bus.open_bus import open_bus
+from tactile_node.errors import BusError
+from tactile_node.simulator.skin_simulator import SkinSimulator
+from tactile_node.simulator.slcan_pty import SlcanPty
+from tactile_node.skin.pads import make_pads, with_dictionaries
+from tactile_node.sources.supervisor import Supervisor
+
+LONG = 60.0  #: Time in which a call ends on a busy machine [s]. Without a limit, the call would never end.
+PADS = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], [32]))
+
+
+class HangingPty(SlcanPty):
+    """An adapter that can stop to take data, as a USB adapter does whose firmware hangs."""
+
+    def hang(self) -> None:
+        termios.tcflow(self._port_fd, termios.TCOOFF)
+
+    def recover(self) -> None:
+        termios.tcflow(self._port_fd, termios.TCOON)
+
+
+def ends(call) -> bool:
+    """Return True if ``call`` ends in time."""
+    thread = threading.Thread(target=call, daemon=True)
+    thread.start()
+    thread.join(LONG)
+    return not thread.is_alive()
+
+
+@contextmanager
+def pty():
+    adapter = HangingPty()
+    stop = threading.Event()
+
+    def answer() -> None:
+        while not stop.is_set():
+            adapter.recv(0.05)
+    thread = threading.Thread(target=answer)
+    thread.start()
+    try:
+        yield adapter
+    finally:
+        adapter.recover()
+        stop.set()
+        thread.join()
+        adapter.shutdown()
+
+
+def test_a_frame_for_an_adapter_that_hangs_fails():
+    with pty() as adapter:
+        bus = open_bus('slcan', adapter.port, 1_000_000)
+        adapter.hang()
+        failed = []
+
+        def send() -> None:
+            try:
+                bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+            except can.CanError as error:
+                failed.append(str(error))
+        assert ends(send) and 'has taken no data' in failed[0]
+        assert ends(lambda: pytest.raises(can.CanError, bus.shutdown))
+
+
+def test_bytes_that_never_leave_the_host_are_a_failure(monkeypatch):
+    """The kernel accepts a few kilobytes for an adapter that hangs, so the write itself ends at once."""
+    with pty() as adapter:
+        bus = open_bus('slcan', adapter.port, 1_000_000)
+        monkeypatch.setattr(type(bus.serialPortOrig), 'out_waiting', 6, raising=False)
+        monkeypatch.setattr(bus.serialPortOrig, 'flush', lambda: time.sleep(10 * LONG))
+        sent = threading.Event()
+
+        def send() -> None:
+            with pytest.raises(can.CanError, match='taken no data'):
+                bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+            sent.set()
+        assert ends(send) and sent.is_set()
+        monkeypatch.undo()
+        bus.shutdown()
+
+
+def test_a_port_that_does_not_close_stays_locked_and_holds_nobody_up(monkeypatch):
+    """The kernel waits up to 30 s for unsent bytes when the port of an adapter that hangs is closed."""
+    with pty() as adapter:
+        bus = open_bus('slcan', adapter.port, 1_000_000)
+        adapter.hang()
+        close, closing = bus.serialPortOrig.close, threading.Event()
+        monkeypatch.setattr(bus.serialPortOrig, 'close', lambda: (closing.wait(LONG), close()))
+        assert ends(lambda: pytest.raises(can.CanError, bus.shutdown))
+        adapter.recover()
+        with pytest.raises(BusError, match='this process is still closing it'):
+            open_bus('slcan', adapter.port, 1_000_000)
+        closing.set()
+
+        def is_free() -> bool:
+            try:
+                open_bus('slcan', adapter.port, 1_000_000).shutdown()
+            except BusError:
+                return False
+            return True
+        assert wait_until(is_free)
+
+
+@pytest.mark.bus
+def test_a_driver_stops_and_closes_while_its_adapter_hangs_and_uses_it_again_afterwards():
+    adapter, frames = HangingPty(), []
+    simulator = SkinSimulator(PADS, {'pad32': lambda t: np.full((8, 8), 12.5)})
+    simulator.start_on(adapter)
+    driver = Supervisor(BusSettings('slcan', adapter.port, sync_period=0.05), PADS,
+                        lambda _, frame: frames.append(frame))
+
+    def is_whole_after(count: int) -> bool:
+        return any(not frame.missing_can_frames for frame in frames[count:])
+    try:
+        driver.open()
+        driver.configure()
+        driver.start()
+        assert wait_until(lambda: is_whole_after(0))
+        adapter.hang()
+        assert wait_until(lambda: driver.failure is not None)
+        assert driver.failure.fault is BusFault.SENDING_FAILED
+        adapter.recover()
+        count = len(frames)
+        assert wait_until(lambda: is_whole_after(count + 2) and driver.failure is None)
+        adapter.hang()
+        assert wait_until(lambda: driver.failure is not None)
+        assert ends(driver.stop) and ends(driver.close)
+    finally:
+        adapter.recover()
+        driver.close()
+        simulator.stop()
+    assert all((np.diff([getattr(frame, key) for frame in frames]) > 0).all() for key in ('sequence', 'stamp'))
