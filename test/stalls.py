@@ -37,6 +37,7 @@ from tactile_node.taxel_frame import TaxelFrame
 NODE_IDS = 32, 64
 STALLING = 'skin', 'adapter', 'driver'
 SETTLED = 2.5  #: Time within which a wrong report of two senders would appear [s].
+SDO_TIMEOUT = 3.0  #: Time within which the skin answers on a busy machine [s].
 ALLOWED = 1.5  #: Time limit from the end of a stall to the next taxels [s].
 
 
@@ -85,25 +86,33 @@ class StallBench:
                                       stdout=subprocess.PIPE)
         port = self._skin.stdout.readline().strip()
         self._open_bus, skin_bus.open_bus = skin_bus.open_bus, self._open
-        self.driver = Supervisor(BusSettings('slcan', port, sync_period=PERIOD), pads(), self._keep)
+        self.driver = Supervisor(BusSettings('slcan', port, sync_period=PERIOD, sdo_timeout=SDO_TIMEOUT), pads(),
+                                 self._keep)
         self.log.__enter__()
-        self.driver.open()
-        self.driver.configure()
-        self.driver.start()
-        self._wait_for_whole(0.0)
-        self._wait_for_no_fault()
+        try:
+            self.driver.open()
+            self.driver.configure()
+            self.driver.start()
+            self._wait_for_whole(0.0)
+            self._wait_for_no_fault()
+        except BaseException:
+            self._end(is_checked=False)
+            raise
         return self
 
     def __exit__(self, *problem: object) -> None:
+        self._end(is_checked=problem[0] is None)
+
+    def _end(self, is_checked: bool) -> None:
         self.driver.close()
         skin_bus.open_bus = self._open_bus
-        answered = self._answered() if problem[0] is None else {}
+        answered = self._answered() if is_checked else {}
         self._skin.kill()
         self._skin.wait()
         self._skin.stdout.close()
         self._skin.stdin.close()
         self.log.__exit__()
-        if problem[0] is None:
+        if is_checked:
             self._check(answered)
 
     def stall(self, part: str, seconds: float) -> None:

@@ -7,7 +7,6 @@ import pty
 import select
 import signal
 import threading
-import time
 from array import array
 from importlib.util import find_spec
 
@@ -44,7 +43,8 @@ FIRST = ('--joint', 'finger', '--unit', 'm', '--limits', '0', '0.08', '--most-ef
 class Hand:
     """Publishes joint states and the taxels of two pads, and serves a gripper's action, on another thread.
 
-    A goal ends only if it is cancelled or replaced, as if foam kept the joint from its goal.
+    A goal ends only if it is cancelled, as if foam kept the joint from its goal. A newer goal does not end it, because
+    the request to cancel the older goal may arrive after the newer goal.
     """
 
     def __init__(self, ros, action, name='hand'):
@@ -54,7 +54,7 @@ class Hand:
         self.values = [250.0] * 16
         self._target, self._sequence = self.position, 0
         self._action = action
-        self._goal = None
+        self._stopping = threading.Event()
         self.node = rclpy.create_node(name, start_parameter_services=False)
         group = ReentrantCallbackGroup()
         self._server = ActionServer(
@@ -64,13 +64,14 @@ class Hand:
         self._states = self.node.create_publisher(JointState, '/joint_states', 10)
         self._taxels = [self.node.create_publisher(TaxelArray, f'/{pad}/taxels', 10) for pad in ('left', 'right')]
         self.node.create_timer(0.02, self._tick, callback_group=group)
-        self._executor = MultiThreadedExecutor(3)
+        self._executor = MultiThreadedExecutor(8)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._thread.start()
         ros.callback(self._stop)
 
     def _stop(self):
+        self._stopping.set()
         self._executor.shutdown()
         self._thread.join()
         self._server.destroy()
@@ -79,7 +80,7 @@ class Hand:
     def _accept(self, handle):
         command = handle.request.command
         self.goals.append((command.position[0], command.velocity[0], command.effort[0]))
-        self._target, self._goal = command.position[0], handle
+        self._target = command.position[0]
         self.order.append('goal')
         handle.execute()
 
@@ -90,8 +91,8 @@ class Hand:
         return CancelResponse.ACCEPT
 
     def _execute(self, handle):
-        while self._goal is handle and not handle.is_cancel_requested and self._executor.context.ok():
-            time.sleep(0.01)
+        while not handle.is_cancel_requested and not self._stopping.wait(0.01):
+            pass
         (handle.canceled if handle.is_cancel_requested else handle.abort)()
         return self._action.Result()
 
@@ -203,6 +204,17 @@ def test_the_gripper_moves_stops_in_both_ways_and_sees_other_clients(ros, grippe
 
 @pytest.mark.ros
 @pytest.mark.bus
+def test_a_goal_whose_state_is_not_known_is_cancelled_at_the_end(gripper):
+    """On a busy machine, the status of the last goal may arrive too late."""
+    found, hand = gripper
+    found._node.destroy_subscription(found._status)
+    found.command(0.05, 5.0, 0.01)
+    until(lambda: hand.goals)
+    assert found.settle() and hand.order == ['goal', 'cancel']
+
+
+@pytest.mark.ros
+@pytest.mark.bus
 def test_a_driver_that_does_not_say_whether_it_mirrors_a_pad_is_named(ros, parallel):
     Hand(ros, parallel, 'skin_driver')
     found = adapter(ros)
@@ -249,14 +261,18 @@ class Session(Process):
 def first_movement(ros, folder, hand):
     """Return a session in its first movement.
 
-    If a busy machine delays the frames of the pads, a session ends, and the next session continues its record.
+    If a busy machine delays the frames of the pads or the joint states, a session asks to repeat a part. The test then
+    ends the session, and the next session continues its record.
     """
+    repeat = 'to repeat this part'
     while True:
         session = Session(ros, '--output', str(folder), '--action', '/hand/gripper_cmd')
         session.answer('emergency stop in your reach', 'yes')
-        session.answer('Take everything out')
-        session.until(('Start?', 'got none for'))
-        if 'Start?' in session.text:
+        session.until(('Take everything out', repeat))
+        if repeat not in session.text:
+            session.answer('Take everything out')
+            session.until(('Start?', repeat))
+        if repeat not in session.text:
             session.answer('Start?', 'y')
             until(lambda: hand.goals)
             return session

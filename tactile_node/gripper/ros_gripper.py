@@ -232,13 +232,13 @@ class RosGripper:
         """Wait until the last goal has ended and the gripper has answered. Return False if an answer is missing.
 
         A goal at the present position stays live while foam or an object keeps the joint from it. The next program
-        would take this goal for that of another client, so the method cancels a goal that does not end.
+        would take this goal for that of another client, so the method cancels a goal that is not known to have ended.
         """
         self._wait_for_answers()
         end = self._steady() + END_TIME
         while self._last and self._last not in self._ended and self._steady() < end:
             time.sleep(LOOK_PERIOD)
-        for goal_id in self._own & self._live:
+        for goal_id in self._own & self._live | {self._last} - self._ended - {b''}:
             self._cancel(goal_id)
         return self._wait_for_answers()
 
