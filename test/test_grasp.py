@@ -244,6 +244,16 @@ def test_back_after_a_silence_it_holds_from_then():
     assert state.fresh and not state.stable and state.held == 0.0
 
 
+def test_an_outage_after_a_single_result_is_no_period():
+    """Results from before an outage say nothing about the object that is held afterwards."""
+    tracker = GraspTracker(SETTINGS)
+    run(tracker, [0.0])
+    state = run(tracker, [60.0])
+    assert state.held == 0.0 and tracker.silence_limit('left') < 0.1
+    state = run(tracker, until(60.0 + 0.3, begin=60.0 + PERIOD))
+    assert 0 < state.held < 0.3 and not state.stable
+
+
 def test_unknown_shapes_are_not_the_same_shape():
     assert not run(GraspTracker(SETTINGS), [0.0], 0.04, *[lambda t: touch(t, 'unknown')] * 2).same_shape
     assert run(GraspTracker(SETTINGS), [0.0], 0.04, *[lambda t: touch(t, 'my_hexagon')] * 2).same_shape

@@ -1,4 +1,4 @@
-"""A replay can provide the ROS time. The topic /clock follows the log, for subscribers with use_sim_time."""
+"""A driver replays a log, and can provide the ROS time. The topic /clock follows the log, for use_sim_time."""
 
 import pytest
 import rclpy
@@ -9,6 +9,7 @@ from ros_bench import TIMEOUT, RosBench
 from rosgraph_msgs.msg import Clock
 
 from tactile_node.nodes.driver_node import DriverNode
+from tactile_node.nodes.pad_output import PadOutput
 from tactile_node.nodes.replay import CLOCK_STEP
 from tactile_node.ros.qos import frames_qos
 from tactile_node.ros.time_messages import seconds
@@ -65,3 +66,15 @@ def test_without_the_parameter_there_is_no_clock(ros):
     replay.driver.autostart()
     replay.until(lambda: replay.driver.source.facts().pad('left').frames_complete > 3)
     assert replay.consumer.count_publishers('/clock') == 0
+
+
+def test_a_frame_that_cannot_be_published_is_counted(ros, monkeypatch):
+    """A consumer of the facts must see that a replay is not whole."""
+    replay = Replay(ros, publish_clock=False, replay_pace=0.0)
+    send = PadOutput.send_frame
+    with monkeypatch.context() as patch:
+        patch.setattr(PadOutput, 'send_frame',
+                      lambda output, frame: 1 / 0 if frame.sequence == 3 else send(output, frame))
+        replay.driver.autostart()
+        replay.until(lambda: replay.driver.source.finished.is_set())
+        assert replay.driver.source.facts().consumer_errors == 2  # one for each pad

@@ -225,7 +225,7 @@ class _Side:
 
     def update(self, result: SideResult, now: float) -> None:
         gap = result.time - self.latest.time
-        if 0 < gap < math.inf:
+        if 0 < gap <= self._settings.max_age:  # a longer gap is an outage, because the side was unseen meanwhile
             self._gaps.append(gap)
             self._period = median(self._gaps)
         self.latest = result

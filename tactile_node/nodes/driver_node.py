@@ -204,11 +204,22 @@ class DriverNode(StageNode, LifecycleNode):
 
         A lossless log waits until all stages have processed the frame. Any other log waits only until the contacts are
         found. On a slow machine, newer contacts therefore overtake older ones, as with a live bus.
+
+        An exception of `_send` is raised on the thread of the log, so that the router counts it as for a bus.
         """
         chain, is_lossless = self._stages.chain, self._settings is not None and self._settings.lossless
-        chain.post(self._send, pad, frame)
+        errors: list[Exception] = []
+
+        def send() -> None:
+            try:
+                self._send(pad, frame)
+            except Exception as error:
+                errors.append(error)
+        chain.post(send)
         while self._is_playing and not chain.wait_until_idle(WAITING_PERIOD, with_postponed=is_lossless):
             pass
+        if errors:
+            raise errors[0]
 
     def _start(self) -> None:
         self._is_playing = True
