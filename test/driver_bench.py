@@ -11,7 +11,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fault_bench import LAYOUT, FaultBench
 from rclpy.parameter import Parameter
-from ros_bench import RosBench
+from ros_bench import TIMEOUT, RosBench
 
 from tactile_node.nodes.driver_node import DriverNode
 from tactile_node.ros.qos import STATUS_QOS, frames_qos
@@ -69,7 +69,10 @@ class DriverBench(RosBench):
         self.until(lambda: (OK, OK) in self.levels, 'never OK')
 
     def set(self, name: str, value: Any) -> Any:
-        return self.node.set_parameters([Parameter(name, value=value)])[0]
+        """Set a parameter, and return the result after the chain has applied the value."""
+        result = self.node.set_parameters([Parameter(name, value=value)])[0]
+        assert self.node._stages.chain.wait_until_idle(TIMEOUT, with_postponed=False)
+        return result
 
     @property
     def levels(self) -> list[tuple[bytes, ...]]:

@@ -43,7 +43,7 @@ def test_random_can_messages_leave_a_driver_that_still_works():
     ('d1819' + 24 * '0', True), ('t1812AAB', False), ('t1812AABBCC', False),
     ('t1812AABBt1812CCDD', False), ('t8FF0', False), ('t+120', False),
     ('r123a', False), ('t1819' + 24 * '0', False), ('T200000000', False), ('t', False),
-    ('1812AABB', False), ('AABB', False), ('z', True)])
+    ('1812AABB', False), ('AABB', False), ('z', True), ('F00', True), ('F01812AABB', False), ('F', False)])
 def test_slcan_lines_are_checked_whole(line, sound):
     assert is_sound(line) == sound
 

@@ -198,7 +198,11 @@ def test_an_empty_list_can_be_read_back_over_ros(ros, tmp_path):
 
 
 def drops_incomplete(driver):
-    """Return True if the driver's source drops incomplete sweeps. A stand-in replaces a missing source."""
+    """Return True if the driver's source drops incomplete sweeps, after the chain has applied all changes.
+
+    A stand-in replaces a missing source.
+    """
+    assert driver._stages.chain.wait_until_idle(TIMEOUT)
     if driver.source is None:
         driver.source = SimpleNamespace(drops=False)
         driver.source.adjust = lambda drops, _timeout: vars(driver.source).update(drops=drops)

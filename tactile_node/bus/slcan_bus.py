@@ -281,8 +281,9 @@ def is_sound(line: str) -> bool:
     """
     digits = ID_DIGITS.get(line[:1])
     if digits is None:
-        # answers: version, serial number, status flags, confirmation
-        return line[:1] in ('', *'VvNFzZ') and len(line) <= 20
+        if line[:1] == 'F':  # status flags; 'F' is also a digit, so the line may be the rest of a frame
+            return len(line) == 3 and HEXADECIMAL.issuperset(line)
+        return line[:1] in ('', *'VvNzZ') and len(line) <= 20  # version, serial number, confirmation
     body = line[1:]
     if len(body) <= digits or not HEXADECIMAL.issuperset(body):
         return False

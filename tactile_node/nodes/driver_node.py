@@ -63,7 +63,8 @@ class DriverNode(StageNode, LifecycleNode):
         super().__init__(Role.DRIVER, stages, **options)
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
-        follow_changes(self, DriverSettings, self._check, self._apply)
+        follow_changes(self, DriverSettings, self._check,
+                       lambda changed: self._stages.chain.post(self._apply, changed))
         # added last, because rclpy calls the last added callback first
         self.add_on_set_parameters_callback(self._refuse_fixed)
         self._settings: DriverSettings | None = None  # None unless configured
@@ -260,7 +261,7 @@ class DriverNode(StageNode, LifecycleNode):
             check_heartbeat(settings)
 
     def _apply(self, settings: DriverSettings) -> None:
-        """Apply the live settings."""
+        """Apply the live settings, on the chain thread or before the source starts."""
         adjust({name: pad.conditioned for name, pad in self._pads.items()},
                {name: pad.unit for name, pad in self._pads.items()}, settings)
         if self.source is not None:
