@@ -35,8 +35,9 @@ PROTOCOL_VIOLATION = 0x008
 WAKE_TIMEOUT = 0.3  #: Time within which a running adapter answers [s].
 RESET_TIME = 2.0  #: Start time of an adapter that resets when its port is opened, such as an Arduino [s].
 
-#: Time within which a working adapter takes a frame [s]. A frame takes 2 ms at 115,200 baud.
-WRITE_TIMEOUT = 0.2
+#: Time within which a working adapter takes a frame [s]. A frame takes 2 ms at 115,200 baud, but a busy machine may
+#: stop this process for some 0.1 s during the write.
+WRITE_TIMEOUT = 1.0
 WRITE_PAUSE = 0.2e-3  #: Time between two checks whether the adapter has taken a frame [s].
 CLOSE_TIMEOUT = 0.5  #: Longest wait for the port to close [s].
 
