@@ -262,4 +262,4 @@ def test_a_serial_port_whose_bytes_stay_in_the_kernel_holds_nobody_up():
     thread.start()
     thread.join(LONGEST)
     assert not thread.is_alive() and len(failures) == 2
-    assert all('has taken no data' in failure for failure in failures)
+    assert all('takes no data' in failure for failure in failures)

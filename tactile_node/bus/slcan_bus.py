@@ -5,7 +5,9 @@ for two pads at 25 Hz (1600 CAN frames/s). This module reads all waiting bytes a
 time. python-can also decodes parts of damaged lines. This module accepts a line only if the whole line is valid.
 """
 
+import io
 import os
+import select
 import time
 from collections import deque
 from contextlib import suppress
@@ -15,7 +17,7 @@ from typing import Any
 import can
 from can.interfaces.slcan import slcanBus
 from can.util import CAN_FD_DLC
-from serial import Serial, SerialException, SerialTimeoutException
+from serial import Serial, SerialException
 
 from tactile_node.bus.batch_reader import Batch
 from tactile_node.threads import ReportedThread
@@ -35,10 +37,11 @@ PROTOCOL_VIOLATION = 0x008
 WAKE_TIMEOUT = 0.3  #: Time within which a running adapter answers [s].
 RESET_TIME = 2.0  #: Start time of an adapter that resets when its port is opened, such as an Arduino [s].
 
-#: Time within which a working adapter takes a frame [s]. A frame takes 2 ms at 115,200 baud, but a busy machine may
-#: stop this process for some 0.1 s during the write.
-WRITE_TIMEOUT = 1.0
-WRITE_PAUSE = 0.2e-3  #: Time between two checks whether the adapter has taken a frame [s].
+#: Number of checks, with pauses, after which an adapter that has not taken a frame counts as stuck. A frame takes 2 ms
+#: at 115,200 baud. Time would be no measure, because this process may be stopped for seconds.
+WRITE_CHECKS = 1000
+WRITE_PAUSE = 0.2e-3  #: Time between two of these checks [s].
+NO_WAIT = 0.0  #: Write timeout with which pyserial writes the bytes that fit, and returns [s].
 CLOSE_TIMEOUT = 0.5  #: Longest wait for the port to close [s].
 
 
@@ -47,8 +50,8 @@ class BulkSlcanBus(slcanBus):
 
     A damaged line is delivered as an error frame.
 
-    If the adapter takes no data, for example because its firmware hangs, sending fails after WRITE_TIMEOUT. python-can
-    would wait forever.
+    If the adapter takes no data, for example because its firmware hangs, sending fails after WRITE_CHECKS.
+    python-can would wait forever.
 
     If the adapter does not answer immediately, the bus gives it time to start and then opens it again. If
     ``sleep_after_open`` is given, the bus does not open the adapter a second time.
@@ -128,7 +131,7 @@ class BulkSlcanBus(slcanBus):
         msg : can.Message
             Message to send.
         timeout : float or None
-            Longest time for writing to the port [s]; None for WRITE_TIMEOUT.
+            Not used, because the wait always has a limit.
 
         Raises
         ------
@@ -137,27 +140,27 @@ class BulkSlcanBus(slcanBus):
         can.CanOperationError
             Raised if the adapter is gone.
         """
-        super().send(msg, WRITE_TIMEOUT if timeout is None else timeout)
+        super().send(msg, NO_WAIT)
 
     def _write(self, string: str) -> None:
         """Write a command, and wait until it has left this host. python-can calls this method.
 
-        python-can's own method calls ``tcdrain``, which has no time limit.
+        python-can's own method calls ``tcdrain``, which has no time limit. pyserial's time limit also expires after a
+        successful write if this process was stopped meanwhile.
         """
-        port = self.serialPortOrig
-        if port.write_timeout is None:
-            port.write_timeout = WRITE_TIMEOUT
-        end = time.monotonic() + WRITE_TIMEOUT
+        port, unsent = self.serialPortOrig, string.encode() + self.LINE_TERMINATOR
+        if port.write_timeout != NO_WAIT:
+            port.write_timeout = NO_WAIT
         try:
-            port.write(string.encode() + self.LINE_TERMINATOR)
-            while getattr(port, 'out_waiting', 0):  # a port that is a socket does not have this attribute
-                if time.monotonic() > end:
-                    raise SerialTimeoutException('unsent bytes')
+            for _ in range(WRITE_CHECKS):
+                if unsent and _has_room(port):
+                    unsent = unsent[port.write(unsent):]
+                if not unsent and not getattr(port, 'out_waiting', 0):  # a port that is a socket lacks this attribute
+                    return
                 time.sleep(WRITE_PAUSE)
-        except SerialTimeoutException as error:
-            raise can.CanTimeoutError(f'The adapter has taken no data for {WRITE_TIMEOUT} s.') from error
         except OSError as error:
             raise can.CanOperationError(f'Could not write to serial device: {error}') from error
+        raise can.CanTimeoutError('the adapter takes no data')
 
     def _is_awake(self) -> bool:
         """Return True if the adapter sends an answer or a frame within WAKE_TIMEOUT."""
@@ -229,6 +232,14 @@ class BulkSlcanBus(slcanBus):
             return can.Message(now, int(line[1:4], 16), False, data=bytes.fromhex(line[5:5 + 2 * int(line[4])]))
         self._lines.appendleft(line)  # python-can calls _read to get the line; before version 4.5 it has no queue
         return super()._recv_internal(0.0)[0]
+
+
+def _has_room(port: Serial) -> bool:
+    """Return True if the port takes bytes now. On a full port, pyserial's write would try again without a pause."""
+    try:
+        return bool(select.select([], [port], [], 0)[1])
+    except io.UnsupportedOperation:  # on Windows, a port has no file descriptor, and its write does not wait
+        return True
 
 
 def _close(port: Serial | None, lock: int | None) -> None:

@@ -125,7 +125,7 @@ class GuardedInput(Generic[Message]):
             with self._node.handle:
                 self.publishers = self._node.handle.get_count_publishers(self.topic)
 
-    def is_usable(self, message: Any, *, is_result: bool = False) -> bool:
+    def admit(self, message: Any, *, is_result: bool = False) -> bool:
         """Check a message and record it. Returns True if the message can be used, otherwise counts it as dropped.
 
         Parameters

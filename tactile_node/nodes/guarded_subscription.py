@@ -54,7 +54,7 @@ class GuardedSubscription(GuardedInput[Message]):
 
     def _on_message(self, message: Message) -> None:
         self.count_publishers()
-        usable = [each for each in (message, *self._take_waiting()) if self.is_usable(each)]
+        usable = [each for each in (message, *self._take_waiting()) if self.admit(each)]
         if usable:
             self.count_overtaken(len(usable) - 1)
             self.process(self._callback, usable[-1])

@@ -192,7 +192,7 @@ class StageInput(GuardedInput[Message], Generic[Message, Result]):
         self._is_fed = True
         self._own.append(frame_key(result))
         self.attempt(self._look_for_others)
-        if self.is_usable(result, is_result=True):
+        if self.admit(result, is_result=True):
             self._wait_for_step(result)
 
     def end_feeding(self) -> None:
@@ -235,7 +235,7 @@ class StageInput(GuardedInput[Message], Generic[Message, Result]):
             return
         message = self._arrived.popleft()
         self.count_publishers()
-        if frame_key(message) not in self._own and self.is_usable(message):
+        if frame_key(message) not in self._own and self.admit(message):
             self.attempt(self._wait_for_result_of, message)
 
     def _wait_for_result_of(self, message: Message) -> None:
