@@ -51,7 +51,7 @@ assembler drops every TPDO that may answer another SYNC:
 
  9. With ``one_clock``, the same clock stamps TPDOs and SYNC. A TPDO stamped before the SYNC is then a part of the tail,
     or is LATE. Even a driver that lags behind its bus therefore never stamps taxels too late. ``_is_one_clock`` in
-    ``skin_bus.py`` states for which interfaces this holds.
+    ``skin_bus.py`` states for which interfaces this holds. For slcan it does not hold, so the other rules decide alone.
 
 10. A SYNC that may have reached the bus more than MOST_LATE after its stamp begins a period as usual. The taxels of
     that period are not published: they are LATE.
