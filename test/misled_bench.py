@@ -208,7 +208,7 @@ class Watch:
         end = since + seconds
         time.sleep(max(0.0, end - time.monotonic()))
         while True:
-            # Only the latest messages are read here, because reading all of them would hold up the nodes of this process.
+            # Only the latest messages are read here, because reading all would hold up the nodes of this process.
             while any(claim.bound and claim.is_made(self.latest(claim.topic)) for claim in claims) \
                     and time.monotonic() < end + TIMEOUT:
                 time.sleep(PERIOD)

@@ -498,6 +498,23 @@ def test_a_stage_that_is_destroyed_ends_no_other_and_another_takes_its_place():
         other.destroy_node()
 
 
+def test_a_node_that_is_destroyed_while_the_chain_is_busy_publishes_nothing(monkeypatch):
+    """The end of a node waits only a limited time for the chain, so results may still wait for the node."""
+    monkeypatch.setattr('tactile_node.nodes.stage.STOP_TIMEOUT', 0.01)
+    with Process() as process:
+        ended, are_fed = process.input('/left/processor'), threading.Event()
+        first = blocked(process.chain)  # so that the following calls run in one turn, before the frames are processed
+        process.send()
+        process.chain.post(are_fed.set)
+        second = blocked(process.chain)
+        first.set()
+        assert are_fed.wait(TIMEOUT)
+        process.nodes['/left/processor'].destroy_node()
+        second.set()
+        assert process.chain.wait_until_idle(TIMEOUT)
+        assert (ended.counts.received, ended.counts.processed, ended.counts.dropped) == (1, 0, {})
+
+
 def test_a_driver_that_is_configured_again_plays_again(tmp_path):
     write_log(tmp_path / 'short.log', [PRESS] * 20)
     system = replaying(tmp_path / 'short.log')

@@ -171,6 +171,7 @@ class StageInput(GuardedInput[Message], Generic[Message, Result]):
         # messages of this process that may come back over the topic
         self._own: deque[FrameKey] = deque(maxlen=2 * qos.depth)
         self._is_fed = False
+        self._has_ended = False
         self._listened = -math.inf  # time of the last check for other publishers, on the steady clock [s]
         self.sends_on = sends_on
         self._subscribe = partial(node.create_subscription, kind, topic, self._on_message, qos)
@@ -205,11 +206,12 @@ class StageInput(GuardedInput[Message], Generic[Message, Result]):
         self._stages.chain.postpone(step, acquired, self.attempt, call, *args)
 
     def end(self) -> None:
-        """Accept no further results, because the node is ending."""
+        """Accept no further results, because the node is ending. Results that still wait on a busy chain are lost."""
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
         self._arrived.clear()
         self._stages.remove(self)
+        self._has_ended = True
 
     def _wait_for_step(self, result: Any) -> None:
         self._waiting.append(result)
@@ -223,7 +225,7 @@ class StageInput(GuardedInput[Message], Generic[Message, Result]):
             self._stages.chain.postpone(self._step, result.acquired, self._process_next)
 
     def _process_next(self) -> None:
-        if self._waiting:
+        if self._waiting and not self._has_ended:
             self.process(self._accept, self._waiting.popleft())
 
     def _on_message(self, message: Message) -> None:
