@@ -8,6 +8,8 @@ time. python-can also decodes parts of damaged lines. This module accepts a line
 import io
 import os
 import select
+import sys
+import threading
 import time
 from collections import deque
 from contextlib import suppress
@@ -39,8 +41,8 @@ RESET_TIME = 2.0  #: Start time of an adapter that resets when its port is opene
 
 #: Number of checks, with pauses, after which an adapter that has not taken a frame counts as stuck. A frame takes 2 ms
 #: at 115,200 baud. Time would be no measure, because this process may be stopped for seconds.
-WRITE_CHECKS = 1000
-WRITE_PAUSE = 0.2e-3  #: Time between two of these checks [s].
+WRITE_CHECKS = 400
+WRITE_PAUSE = 0.5e-3  #: Time between two of these checks [s].
 NO_WAIT = 0.0  #: Write timeout with which pyserial writes the bytes that fit, and returns [s].
 CLOSE_TIMEOUT = 0.5  #: Longest wait for the port to close [s].
 
@@ -86,7 +88,8 @@ class BulkSlcanBus(slcanBus):
         self._asked = -inf  # time of the last check for waiting bytes
         self._rest_arrival = -inf  # the incomplete line in the buffer arrived after this time
         self._open_command = 'L' if listen_only else 'O'  # python-can 4.3 ignores this option
-        self._lock = _lock_port(channel.split('@')[0])
+        self._port = channel.split('@')[0]
+        self._lock = _lock_port(self._port)
         try:
             super().__init__(channel, bitrate=bitrate, sleep_after_open=sleep_after_open or 0.0,
                              # Longest wait of one read on an idle port [s]. Incoming data end the wait immediately.
@@ -116,15 +119,21 @@ class BulkSlcanBus(slcanBus):
         """Close and unlock the port. python-can leaves the port open if a command to the adapter fails.
 
         The kernel waits up to 30 s for bytes that an adapter does not take. The port therefore closes on a thread of
-        its own, and stays locked until it is closed.
+        its own. From now on, a write fails, because another file may soon have the descriptor of the port.
         """
-        closing = ReportedThread(_close, 'close port', getattr(self, 'serialPortOrig', None), self._lock)
-        self._lock = None
+        port, lock = getattr(self, 'serialPortOrig', None), self._lock
+        self.serialPortOrig, self._lock = Serial(), None
+        if sys.is_finalizing():  # Python starts no more threads
+            _close(port, lock)
+            return
+        closing = ReportedThread(_close, _closing(self._port), port, lock)
         closing.start()
         closing.join(CLOSE_TIMEOUT)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a message, and wait until it has left this host.
+        """Send a message, and wait until the buffer of the kernel is empty.
+
+        If this fails, the adapter may still get a part of the message, or the whole message, when it takes data again.
 
         Parameters
         ----------
@@ -143,15 +152,15 @@ class BulkSlcanBus(slcanBus):
         super().send(msg, NO_WAIT)
 
     def _write(self, string: str) -> None:
-        """Write a command, and wait until it has left this host. python-can calls this method.
+        """Write a command, and wait until the buffer of the kernel is empty. python-can calls this method.
 
         python-can's own method calls ``tcdrain``, which has no time limit. pyserial's time limit also expires after a
         successful write if this process was stopped meanwhile.
         """
         port, unsent = self.serialPortOrig, string.encode() + self.LINE_TERMINATOR
-        if port.write_timeout != NO_WAIT:
-            port.write_timeout = NO_WAIT
         try:
+            if port.write_timeout != NO_WAIT:
+                port.write_timeout = NO_WAIT
             for _ in range(WRITE_CHECKS):
                 if unsent and _has_room(port):
                     unsent = unsent[port.write(unsent):]
@@ -160,6 +169,8 @@ class BulkSlcanBus(slcanBus):
                 time.sleep(WRITE_PAUSE)
         except OSError as error:
             raise can.CanOperationError(f'Could not write to serial device: {error}') from error
+        with suppress(Exception):  # not every kind of port can drop its unsent bytes
+            port.reset_output_buffer()
         raise can.CanTimeoutError('the adapter takes no data')
 
     def _is_awake(self) -> bool:
@@ -237,13 +248,18 @@ class BulkSlcanBus(slcanBus):
 def _has_room(port: Serial) -> bool:
     """Return True if the port takes bytes now. On a full port, pyserial's write would try again without a pause."""
     try:
-        return bool(select.select([], [port], [], 0)[1])
+        return bool(select.select([], [port.fileno()], [], 0)[1])
     except io.UnsupportedOperation:  # on Windows, a port has no file descriptor, and its write does not wait
         return True
 
 
+def _closing(port: str) -> str:
+    """Return the name of the thread that closes ``port``."""
+    return f'close {os.path.realpath(port)}'
+
+
 def _close(port: Serial | None, lock: int | None) -> None:
-    """Close a port that may already be gone, and then its lock."""
+    """Close a port that may already be gone, and the descriptor of its lock."""
     try:
         if port is not None:
             with suppress(OSError):
@@ -263,6 +279,9 @@ def _lock_port(port: str) -> int | None:
     Return the file descriptor that holds the lock, or None if the port is not a file that can be locked. Raises
     PortInUseError.
     """
+    # while this process closes the port, the kernel would hold up whoever opens it
+    if any(thread.name == _closing(port) for thread in threading.enumerate()):
+        raise PortInUseError('this process is still closing this port')
     try:
         import fcntl
     except ImportError:  # Windows lets only one process open a serial port
@@ -275,7 +294,7 @@ def _lock_port(port: str) -> int | None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         os.close(descriptor)
-        raise PortInUseError('another process has this port open, or this process is still closing it') from error
+        raise PortInUseError('another process has this port open') from error
     return descriptor
 
 

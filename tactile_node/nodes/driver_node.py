@@ -64,7 +64,7 @@ class DriverNode(StageNode, LifecycleNode):
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
         follow_changes(self, DriverSettings, self._check,
-                       lambda changed: self._stages.chain.post(self._apply, changed))
+                       lambda _: self._stages.chain.post(self._apply))
         # added last, because rclpy calls the last added callback first
         self.add_on_set_parameters_callback(self._refuse_fixed)
         self._settings: DriverSettings | None = None  # None unless configured
@@ -193,7 +193,7 @@ class DriverNode(StageNode, LifecycleNode):
         self._owned += [lambda: self.destroy_service(saving), self._tare.end, source.close]
         source.open()
         self.source = source
-        self._apply(read(self, DriverSettings))  # a live parameter may have been set after the settings were read above
+        self._stages.chain.post(self._apply)  # a live parameter may have been set after the settings were read above
         source.configure()
 
     def _send(self, pad: str, frame: TaxelFrame) -> None:
@@ -215,6 +215,8 @@ class DriverNode(StageNode, LifecycleNode):
             try:
                 self._send(pad, frame)
             except Exception as error:
+                if not self._is_playing:  # the thread of the log may no longer wait, so the chain logs the exception
+                    raise
                 errors.append(error)
         chain.post(send)
         while self._is_playing and not chain.wait_until_idle(WAITING_PERIOD, with_postponed=is_lossless):
@@ -260,12 +262,13 @@ class DriverNode(StageNode, LifecycleNode):
         if self._settings is not None:  # heartbeat_period may still change before configure
             check_heartbeat(settings)
 
-    def _apply(self, settings: DriverSettings) -> None:
-        """Apply the live settings, on the chain thread or before the source starts."""
-        adjust({name: pad.conditioned for name, pad in self._pads.items()},
-               {name: pad.unit for name, pad in self._pads.items()}, settings)
-        if self.source is not None:
-            self.source.adjust(settings.drop_incomplete, settings.heartbeat_timeout)
+    def _apply(self) -> None:
+        """Apply the present live settings, on the chain thread."""
+        settings, pads, source = read(self, DriverSettings), self._pads, self.source
+        adjust({name: pad.conditioned for name, pad in pads.items()}, {name: pad.unit for name, pad in pads.items()},
+               settings)
+        if source is not None:
+            source.adjust(settings.drop_incomplete, settings.heartbeat_timeout)
 
     def _driver_state(self) -> DriverState:
         source, error = self.source, self._steps.error

@@ -219,8 +219,8 @@ class GraspNodeSettings(ReceiverSettings):
                                 'same for a stable grasp [s]', 0, 3600)
     max_skew: float = parameter(GRASP.max_skew, 'largest time between the acquisitions of the two pads for a fresh '
                                 'grasp [s]', 1e-3, 3600)
-    max_age: float = parameter(GRASP.max_age, "age of a pad's result above which the pad counts as unseen [s]", 1e-3,
-                               3600)
+    max_age: float = parameter(GRASP.max_age, "age of a pad's result above which the pad counts as unseen; if the "
+                               'results of a pad are further apart, its grasp is never stable [s]', 1e-3, 3600)
 
     @property
     def frame(self) -> str:
