@@ -1,6 +1,6 @@
-"""A serial adapter that takes no more data, but stays connected, holds nothing up and is used again once it takes data.
+"""A serial adapter that stays connected but takes no data holds up no thread. Later, the driver uses it again.
 
-An adapter does so while its firmware hangs, and while no other device of its CAN bus is powered, because it then
+An adapter takes no data while its firmware hangs, and while no other device of its CAN bus is powered, because it then
 repeats its first frame for ever.
 """
 
@@ -31,7 +31,7 @@ PADS = with_dictionaries(make_pads(['sim8x8_16bit.yaml'], [32]))
 
 
 class HangingPty(SlcanPty):
-    """An adapter that can stop to take data, as a USB adapter does whose firmware hangs."""
+    """An adapter that can stop taking data, like a USB adapter whose firmware hangs."""
 
     def hang(self) -> None:
         termios.tcflow(self._port_fd, termios.TCOOFF)

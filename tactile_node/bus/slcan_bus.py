@@ -52,7 +52,7 @@ class BulkSlcanBus(slcanBus):
 
     A damaged line is delivered as an error frame.
 
-    If the adapter takes no data, for example because its firmware hangs, sending fails after WRITE_CHECKS.
+    If the adapter takes no data, for example because its firmware hangs, sending fails after WRITE_CHECKS checks.
     python-can would wait forever.
 
     If the adapter does not answer immediately, the bus gives it time to start and then opens it again. If

@@ -63,8 +63,7 @@ class DriverNode(StageNode, LifecycleNode):
         super().__init__(Role.DRIVER, stages, **options)
         reject_invalid_transitions(self)
         declare(self, DriverSettings, READ_AT_CONFIGURE)
-        follow_changes(self, DriverSettings, self._check,
-                       lambda _: self._stages.chain.post(self._apply))
+        follow_changes(self, DriverSettings, self._check, lambda _: self._stages.chain.post(self._apply))
         # added last, because rclpy calls the last added callback first
         self.add_on_set_parameters_callback(self._refuse_fixed)
         self._settings: DriverSettings | None = None  # None unless configured
