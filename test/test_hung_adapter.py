@@ -62,21 +62,14 @@ def is_stuck(error: object) -> bool:
 
 @contextmanager
 def pty():
-    adapter = HangingPty()
-    stop = threading.Event()
-
-    def answer() -> None:
-        while not stop.is_set():
-            adapter.recv(0.05)
-    thread = threading.Thread(target=answer)
-    thread.start()
-    try:
-        yield adapter
-    finally:
-        adapter.recover()
-        stop.set()
-        thread.join()
-        adapter.shutdown()
+    """Yield an adapter that receives what its client sends."""
+    with HangingPty() as adapter:
+        notifier = can.Notifier(adapter, [], 0.05)
+        try:
+            yield adapter
+        finally:
+            adapter.recover()
+            notifier.stop()
 
 
 FRAME = can.Message(arbitration_id=0x80, is_extended_id=False)
@@ -132,7 +125,7 @@ def test_a_stop_of_this_process_during_a_write_is_no_failure(monkeypatch):
 def test_a_port_that_does_not_close_is_not_opened_and_holds_nobody_up(monkeypatch):
     """The kernel waits up to 30 s for unsent bytes when the port of an adapter that hangs is closed.
 
-    Until the port is closed, the kernel would also hold up whoever opens it.
+    During this time, the kernel also blocks every program that opens the port.
     """
     with pty() as adapter:
         bus = open_bus('slcan', adapter.port, 1_000_000)

@@ -279,7 +279,7 @@ def _lock_port(port: str) -> int | None:
     Return the file descriptor that holds the lock, or None if the port is not a file that can be locked. Raises
     PortInUseError.
     """
-    # while this process closes the port, the kernel would hold up whoever opens it
+    # while a thread of this process closes the port, the kernel blocks every thread that opens the port
     if any(thread.name == _closing(port) for thread in threading.enumerate()):
         raise PortInUseError('this process is still closing this port')
     try:
